@@ -1,0 +1,364 @@
+"""A mission: planet, vehicle, boundary conditions, limits, objective, mesh and parameter grid."""
+
+from __future__ import annotations
+
+import tomllib
+from dataclasses import dataclass
+from functools import cached_property
+from importlib import resources
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from pydantic import Field, ValidationError, model_validator
+
+from ampi.missions import units as u
+from ampi.missions.units import Dimension, Section
+from ampi.physics.aerodynamics import (
+    Aerodynamics,
+    ModifiedNewtonian,
+    PolynomialDragPolar,
+    TabulatedAerodynamics,
+)
+from ampi.physics.atmosphere import Atmosphere, ExponentialAtmosphere, StandardAtmosphere1976
+from ampi.physics.equations_of_motion import FlightModel
+from ampi.physics.planet import WGS84, Planet
+from ampi.physics.vehicle import AngleOfAttackSchedule, Vehicle
+from ampi.pseudospectral.mesh import Mesh, Phase
+
+ENTRY_STATES = ("altitude", "longitude", "latitude", "speed", "flight_path_angle", "azimuth")
+
+
+class MissionError(ValueError):
+    """A mission file that cannot be used; the message lists every faulty field."""
+
+
+class PlanetSection(Section):
+    """`wgs84`, or a sphere given by radius and surface gravity."""
+
+    model: Literal["wgs84", "sphere"]
+    radius: u.Length | None = None
+    surface_gravity: float | None = Field(default=None, gt=0)  # m/s²
+    rotation_rate: float = 0.0  # rad/s
+    load_factor_gravity: float | None = Field(default=None, gt=0)  # m/s²
+
+    @model_validator(mode="after")
+    def _sphere_is_complete(self) -> PlanetSection:
+        if self.model == "sphere" and (self.radius is None or self.surface_gravity is None):
+            raise ValueError("a sphere needs radius_km (or radius_m) and surface_gravity (m/s²)")
+        return self
+
+    def build(self) -> Planet:
+        """The physics object."""
+        if self.radius is None or self.surface_gravity is None:
+            return WGS84
+        return Planet(
+            equatorial_radius=self.radius,
+            gravitational_parameter=self.surface_gravity * self.radius**2,
+            j2=0.0,
+            rotation_rate=self.rotation_rate,
+            load_factor_gravity=self.load_factor_gravity or self.surface_gravity,
+        )
+
+
+class AtmosphereSection(Section):
+    """`us76`, or `exponential` with surface density (kg/m³) and scale height."""
+
+    model: Literal["us76", "exponential"]
+    surface_density: float | None = Field(default=None, gt=0)
+    scale_height: u.Length | None = None
+
+    @model_validator(mode="after")
+    def _exponential_is_complete(self) -> AtmosphereSection:
+        if self.model == "exponential" and (
+            self.surface_density is None or self.scale_height is None
+        ):
+            raise ValueError("exponential needs surface_density (kg/m³) and scale_height_m")
+        return self
+
+    def build(self) -> Atmosphere:
+        """The physics object."""
+        if self.surface_density is None or self.scale_height is None:
+            return StandardAtmosphere1976()
+        return ExponentialAtmosphere(
+            surface_density=self.surface_density, scale_height=self.scale_height
+        )
+
+
+class ModifiedNewtonianSection(Section):
+    """C_N = normal_quadratic · sin²α + normal_linear · sin α; C_A = axial."""
+
+    model: Literal["modified_newtonian"]
+    normal_quadratic: float
+    normal_linear: float
+    axial: float
+
+    def build(self) -> Aerodynamics:
+        """The physics object."""
+        return ModifiedNewtonian(**self.model_dump(exclude={"model"}))
+
+
+class PolynomialSection(Section):
+    """C_L = Σ lift[k] α^k (α in degrees), C_D = Σ drag[k] C_L^k."""
+
+    model: Literal["polynomial"]
+    lift: tuple[float, ...]
+    drag: tuple[float, ...]
+
+    def build(self) -> Aerodynamics:
+        """The physics object."""
+        return PolynomialDragPolar(lift=self.lift, drag=self.drag)
+
+
+class TableSection(Section):
+    """Rows over angle of attack, columns over Mach number."""
+
+    model: Literal["table"]
+    angle_of_attack: Annotated[tuple[float, ...], Dimension("angle")]
+    mach: tuple[float, ...]
+    lift: tuple[tuple[float, ...], ...]
+    drag: tuple[tuple[float, ...], ...]
+
+    def build(self) -> Aerodynamics:
+        """The physics object."""
+        return TabulatedAerodynamics(**self.model_dump(exclude={"model"}))
+
+
+class AngleOfAttackSection(Section):
+    """Two constant angles joined by a line over time (s) or speed (m/s)."""
+
+    variable: Literal["time", "speed"]
+    start: float
+    end: float
+    start_angle: u.Angle
+    end_angle: u.Angle
+
+
+class VehicleSection(Section):
+    """Mass, reference area, heat-flux model, aerodynamics and angle-of-attack schedule."""
+
+    mass: u.Mass = Field(gt=0)
+    reference_area: u.Area = Field(gt=0)
+    heat_flux_constant: float = Field(gt=0)
+    heat_flux_speed_exponent: float = Field(default=3.0, ge=1, le=4)
+    aerodynamics: Annotated[
+        ModifiedNewtonianSection | PolynomialSection | TableSection, Field(discriminator="model")
+    ]
+    angle_of_attack: AngleOfAttackSection
+
+    def build(self) -> Vehicle:
+        """The physics object."""
+        return Vehicle(
+            mass=self.mass,
+            reference_area=self.reference_area,
+            heat_flux_constant=self.heat_flux_constant,
+            heat_flux_speed_exponent=self.heat_flux_speed_exponent,
+            aerodynamics=self.aerodynamics.build(),
+            angle_of_attack=AngleOfAttackSchedule(**self.angle_of_attack.model_dump()),
+        )
+
+
+class EntrySection(Section):
+    """State at the entry interface, Table 1; the bank angle there is free."""
+
+    altitude: u.Length = Field(ge=0, le=120e3)
+    longitude: u.Angle = Field(ge=-2 * np.pi, le=2 * np.pi)
+    latitude: u.Angle = Field(gt=-0.5 * np.pi, lt=0.5 * np.pi)
+    speed: u.Speed = Field(ge=10, le=12e3)
+    flight_path_angle: u.Angle = Field(gt=-0.5 * np.pi, lt=0.5 * np.pi)
+    azimuth: u.Angle = Field(ge=-2 * np.pi, le=2 * np.pi)
+
+
+class TargetSection(Section):
+    """Where guided flight ends, Table 1. Tolerances serve the verdict, not the optimiser."""
+
+    altitude: u.Length = Field(ge=0, le=120e3)
+    longitude: u.Angle = Field(ge=-2 * np.pi, le=2 * np.pi)
+    latitude: u.Angle = Field(gt=-0.5 * np.pi, lt=0.5 * np.pi)
+    speed: u.Speed = Field(ge=10, le=12e3)
+    altitude_tolerance: u.Length = Field(gt=0)
+    speed_tolerance: u.Speed = Field(gt=0)
+
+
+class LimitsSection(Section):
+    """Bank angle, rate and acceleration (±), and the three path constraints of Eq. (4)."""
+
+    bank_angle: u.Angle = Field(gt=0, le=np.pi)
+    bank_rate: u.AngularRate = Field(gt=0)
+    bank_acceleration: u.AngularAcceleration = Field(gt=0)
+    dynamic_pressure: u.Pressure = Field(gt=0)
+    heat_flux: u.HeatFlux = Field(gt=0)
+    load_factor: u.LoadFactor = Field(gt=0)
+
+
+class ObjectiveSection(Section):
+    """Weights of Eq. (1) and the bank-rate effort ε (σ̇ in deg/s)."""
+
+    longitude_weight: u.PerAngleSquared = Field(ge=0)
+    latitude_weight: u.PerAngleSquared = Field(ge=0)
+    altitude_weight: u.PerLengthSquared = Field(ge=0)
+    speed_weight: u.PerSpeedSquared = Field(ge=0)
+    bank_rate_effort: float = Field(gt=0)  # per (deg/s)² s
+
+
+class PhaseSection(Section):
+    """One phase of the mesh; the last has no end."""
+
+    end: u.Time | None = None
+    degrees: tuple[int, ...]
+    fractions: tuple[float, ...] | None = None
+
+
+class MeshSection(Section):
+    """Phases in order of time."""
+
+    phase: tuple[PhaseSection, ...] = Field(min_length=1)
+
+    def build(self) -> Mesh:
+        """The pseudospectral mesh."""
+        return Mesh(tuple(Phase(p.degrees, p.end, p.fractions) for p in self.phase))
+
+
+class GridSection(Section):
+    """Offsets from the nominal entry state, one strictly increasing axis per state, Eq. (9)."""
+
+    altitude: Annotated[tuple[float, ...], Dimension("length")] = (0.0,)
+    longitude: Annotated[tuple[float, ...], Dimension("angle")] = (0.0,)
+    latitude: Annotated[tuple[float, ...], Dimension("angle")] = (0.0,)
+    speed: Annotated[tuple[float, ...], Dimension("speed")] = (0.0,)
+    flight_path_angle: Annotated[tuple[float, ...], Dimension("angle")] = (0.0,)
+    azimuth: Annotated[tuple[float, ...], Dimension("angle")] = (0.0,)
+
+    @model_validator(mode="after")
+    def _axes_increase(self) -> GridSection:
+        for name in ENTRY_STATES:
+            axis = getattr(self, name)
+            if len(axis) == 0 or np.any(np.diff(axis) <= 0):
+                raise ValueError(f"{name}: expected strictly increasing offsets, got {list(axis)}")
+            if 0.0 not in axis:
+                raise ValueError(
+                    f"{name}: expected an axis that contains 0, the nominal entry state, "
+                    f"got {list(axis)} (SI)"
+                )
+        return self
+
+
+class Mission(Section):
+    """A whole mission, frozen. Everything in SI and radians; load one with `load_mission`."""
+
+    name: str = Field(pattern=r"^[a-z0-9_]+$")
+    title: str
+    planet: PlanetSection
+    atmosphere: AtmosphereSection
+    vehicle: VehicleSection
+    entry: EntrySection
+    target: TargetSection
+    limits: LimitsSection
+    objective: ObjectiveSection
+    mesh: MeshSection
+    grid: GridSection = GridSection()
+    toml: str = Field(default="", repr=False)
+
+    @model_validator(mode="after")
+    def _parts_fit(self) -> Mission:
+        _ = self.flight_model, self.pseudospectral_mesh  # their own checks
+        if self.target.speed >= self.entry.speed:
+            raise ValueError(
+                f"target.speed ({self.target.speed:g} m/s) must be below entry.speed "
+                f"({self.entry.speed:g} m/s)"
+            )
+        return self
+
+    @cached_property
+    def flight_model(self) -> FlightModel:
+        """Planet, atmosphere and vehicle for the equations of motion."""
+        return FlightModel(self.planet.build(), self.atmosphere.build(), self.vehicle.build())
+
+    @cached_property
+    def pseudospectral_mesh(self) -> Mesh:
+        """Phases and segments of the transcription."""
+        return self.mesh.build()
+
+    @property
+    def entry_state(self) -> NDArray[np.float64]:
+        """Nominal (h, θ, φ, V, γ, ψ) at the entry interface (m, rad, m/s)."""
+        return np.array([getattr(self.entry, name) for name in ENTRY_STATES])
+
+    @property
+    def grid_axes(self) -> tuple[NDArray[np.float64], ...]:
+        """Entry-state values (not offsets) along each axis of the parameter space."""
+        return tuple(
+            np.array(getattr(self.grid, name)) + nominal
+            for name, nominal in zip(ENTRY_STATES, self.entry_state, strict=True)
+        )
+
+    def with_entry(self, entry_state: ArrayLike) -> Mission:
+        """The same mission from another entry state (h, θ, φ, V, γ, ψ; m, rad, m/s)."""
+        values = np.asarray(entry_state, dtype=float)
+        if values.shape != (6,) or not np.all(np.isfinite(values)):
+            raise ValueError(f"entry_state: expected 6 finite numbers {ENTRY_STATES}, got {values}")
+        entry = EntrySection.model_construct(
+            **dict(zip(ENTRY_STATES, values.tolist(), strict=True))
+        )
+        return self.model_copy(update={"entry": entry})
+
+
+@dataclass(frozen=True)
+class _Source:
+    label: str
+    text: str
+
+
+def shipped_missions() -> list[str]:
+    """Names of the missions in the package."""
+    folder = resources.files("ampi.missions")
+    return sorted(f.name[:-5] for f in folder.iterdir() if f.name.endswith(".toml"))
+
+
+def _read(name_or_path: str | Path) -> _Source:
+    path = Path(name_or_path)
+    if path.suffix == ".toml" or path.exists():
+        if not path.is_file():
+            raise MissionError(f"mission: no file at {path}")
+        return _Source(str(path), path.read_text(encoding="utf-8"))
+    known = shipped_missions()
+    if str(name_or_path) not in known:
+        raise MissionError(
+            f"mission: expected one of {', '.join(known)} or the path of a .toml file, "
+            f"got {str(name_or_path)!r}"
+        )
+    file = resources.files("ampi.missions").joinpath(f"{name_or_path}.toml")
+    return _Source(str(name_or_path), file.read_text(encoding="utf-8"))
+
+
+def parse_mission(text: str, label: str = "mission") -> Mission:
+    """Mission from TOML `text`; `label` opens the error messages."""
+    try:
+        data: dict[str, Any] = tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise MissionError(f"{label}: not valid TOML: {error}") from None
+    try:
+        return Mission.model_validate({**data, "toml": text})
+    except ValidationError as error:
+        lines = []
+        for fault in error.errors():
+            where = ".".join(str(part) for part in fault["loc"])
+            message = fault["msg"].removeprefix("Value error, ")
+            got = fault["input"]
+            shown = "" if isinstance(got, dict) else f" (got {got!r})"
+            lines.append(f"  {where + ': ' if where else ''}{message}{shown}")
+        raise MissionError(f"{label}: {len(lines)} faulty field(s)\n" + "\n".join(lines)) from None
+
+
+def load_mission(name_or_path: str | Path) -> Mission:
+    """Load a shipped mission by name or any mission by the path of its TOML file.
+
+    Raises
+    ------
+    MissionError
+        If it does not exist or a field is faulty; every faulty field is named with what was
+        expected and what came.
+    """
+    source = _read(name_or_path)
+    return parse_mission(source.text, source.label)

@@ -1,0 +1,105 @@
+"""Units in mission files: a number with a dimension carries its unit in its key.
+
+`altitude_km = 100.1` fills the field `altitude` with 100,100 m. A key without a unit, or with a
+unit of another dimension, is an error that lists the units that would do.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Annotated, Any, get_args
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict, model_validator
+from pydantic.fields import FieldInfo
+
+DEGREE = float(np.pi / 180.0)
+
+UNITS: dict[str, dict[str, float]] = {
+    "length": {"m": 1.0, "km": 1e3},
+    "angle": {"rad": 1.0, "deg": DEGREE},
+    "speed": {"m_per_s": 1.0, "km_per_s": 1e3},
+    "time": {"s": 1.0},
+    "mass": {"kg": 1.0},
+    "area": {"m2": 1.0},
+    "angular rate": {"rad_per_s": 1.0, "deg_per_s": DEGREE},
+    "angular acceleration": {"rad_per_s2": 1.0, "deg_per_s2": DEGREE},
+    "pressure": {"Pa": 1.0, "kPa": 1e3},
+    "heat flux": {"W_per_m2": 1.0, "kW_per_m2": 1e3, "MW_per_m2": 1e6},
+    "load factor": {"g": 1.0},
+    "inverse angle squared": {"per_rad2": 1.0, "per_deg2": DEGREE**-2},
+    "inverse length squared": {"per_m2": 1.0, "per_km2": 1e-6},
+    "inverse speed squared": {"per_m2_s2": 1.0},
+}
+
+
+@dataclass(frozen=True)
+class Dimension:
+    """Marks a field as a physical quantity."""
+
+    name: str
+
+
+Length = Annotated[float, Dimension("length")]
+Angle = Annotated[float, Dimension("angle")]
+Speed = Annotated[float, Dimension("speed")]
+Time = Annotated[float, Dimension("time")]
+Mass = Annotated[float, Dimension("mass")]
+Area = Annotated[float, Dimension("area")]
+AngularRate = Annotated[float, Dimension("angular rate")]
+AngularAcceleration = Annotated[float, Dimension("angular acceleration")]
+Pressure = Annotated[float, Dimension("pressure")]
+HeatFlux = Annotated[float, Dimension("heat flux")]
+LoadFactor = Annotated[float, Dimension("load factor")]
+PerAngleSquared = Annotated[float, Dimension("inverse angle squared")]
+PerLengthSquared = Annotated[float, Dimension("inverse length squared")]
+PerSpeedSquared = Annotated[float, Dimension("inverse speed squared")]
+
+
+def _convert(value: Any, factor: float) -> Any:
+    if isinstance(value, (list, tuple)):
+        return [_convert(item, factor) for item in value]
+    if isinstance(value, bool) or not isinstance(value, (int, float)):
+        return value  # left to the type check, which names the field
+    return value * factor
+
+
+def _dimension(info: FieldInfo) -> Dimension | None:
+    """The dimension of a field, `Length` and `Length | None` alike."""
+    marks = [*info.metadata, *(m for a in get_args(info.annotation) for m in get_args(a)[1:])]
+    return next((mark for mark in marks if isinstance(mark, Dimension)), None)
+
+
+class Section(BaseModel):
+    """A table of a mission file: frozen, no unknown keys, quantities converted to SI and radians."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+    @model_validator(mode="before")
+    @classmethod
+    def _to_si(cls, data: Any) -> Any:
+        if not isinstance(data, dict):
+            return data
+        data = dict(data)
+        for name, info in cls.model_fields.items():
+            dimension = _dimension(info)
+            if dimension is None:
+                continue
+            units = UNITS[dimension.name]
+            keys = [f"{name}_{unit}" for unit in units]
+            given = [key for key in keys if key in data]
+            if name in data:
+                raise ValueError(
+                    f"{name}: expected a {dimension.name} with its unit in the key "
+                    f"({' or '.join(keys)}), got {name} = {data[name]!r}"
+                )
+            if len(given) > 1:
+                raise ValueError(f"{name}: given more than once, as {' and '.join(given)}")
+            if given:
+                unit = given[0][len(name) + 1 :]
+                data[name] = _convert(data.pop(given[0]), units[unit])
+            elif info.is_required():
+                raise ValueError(
+                    f"{name}: expected a {dimension.name} ({' or '.join(keys)}), got nothing"
+                )
+        return data

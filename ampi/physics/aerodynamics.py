@@ -1,0 +1,127 @@
+"""Lift and drag coefficients over angle of attack α (rad) and Mach number: formulas and tables.
+
+A table becomes a tensor product of natural cubic splines, written in truncated powers,
+
+    s(x) = a₀ + a₁ x + Σ_k c_k (x − x_k)₊³,                                    (1)
+
+which is twice continuously differentiable and needs no index, so it can be traced symbolically.
+Outside the table its edge value is held ("no data outside"). To keep the second derivative
+continuous there, the edge value is repeated at two more knots before the coordinate is clamped.
+
+References
+----------
+Phillips (2003), "A Common Aero Vehicle (CAV) Model, Description, and Employment Guide".
+Lu (1997), J. Guidance 20(1), for the polynomial model.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any, ClassVar, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+class Aerodynamics(Protocol):
+    """Lift and drag coefficients as plain ufunc expressions."""
+
+    @property
+    def needs_mach(self) -> bool:
+        """Whether the coefficients depend on Mach number; if not, `mach` may be None."""
+        ...
+
+    def coefficients(self, angle_of_attack: Any, mach: Any) -> tuple[Any, Any]:
+        """(C_L, C_D) at `angle_of_attack` (rad) and `mach` (–)."""
+        ...
+
+
+@dataclass(frozen=True, kw_only=True)
+class ModifiedNewtonian:
+    """C_N = a sin²α + b sin α, C_A constant; C_L and C_D by rotation. The SHEFEX-3 surrogate."""
+
+    normal_quadratic: float
+    normal_linear: float
+    axial: float
+    needs_mach: ClassVar[bool] = False
+
+    def coefficients(self, angle_of_attack: Any, mach: Any) -> tuple[Any, Any]:
+        """(C_L, C_D); independent of Mach number (hypersonic limit)."""
+        sin_a, cos_a = np.sin(angle_of_attack), np.cos(angle_of_attack)
+        normal = self.normal_quadratic * sin_a * sin_a + self.normal_linear * sin_a
+        return normal * cos_a - self.axial * sin_a, normal * sin_a + self.axial * cos_a
+
+
+@dataclass(frozen=True, kw_only=True)
+class PolynomialDragPolar:
+    """C_L = Σ l_k α^k (α in degrees), C_D = Σ d_k C_L^k (Lu 1997)."""
+
+    lift: tuple[float, ...]
+    drag: tuple[float, ...]
+    needs_mach: ClassVar[bool] = False
+
+    def coefficients(self, angle_of_attack: Any, mach: Any) -> tuple[Any, Any]:
+        """(C_L, C_D); independent of Mach number."""
+        degrees = angle_of_attack * (180.0 / np.pi)
+        lift = sum(c * degrees**k for k, c in enumerate(self.lift))
+        return lift, sum(c * lift**k for k, c in enumerate(self.drag))
+
+
+def _natural_basis(knots: NDArray[np.float64], x: Any) -> list[Any]:
+    """The n truncated-power functions that span the natural cubic splines over n `knots`."""
+
+    def ramp(k: int) -> Any:
+        return np.fmax(x - knots[k], 0.0) ** 3 / (knots[-1] - knots[k])
+
+    last = len(knots) - 2
+    cubic = [ramp(k) - ramp(last) for k in range(last)]
+    return [1.0 + 0.0 * x, x, *cubic] if len(knots) > 2 else [1.0 + 0.0 * x, x]
+
+
+def _held(axis: NDArray[np.float64]) -> NDArray[np.float64]:
+    left, right = axis[1] - axis[0], axis[-1] - axis[-2]
+    return np.concatenate(
+        [axis[0] - left * np.array([1.0, 0.5]), axis, axis[-1] + right * np.array([0.5, 1.0])]
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class TabulatedAerodynamics:
+    """C_L and C_D on a grid: `angle_of_attack` (rad) × `mach`, smooth as Eq. (1)."""
+
+    angle_of_attack: tuple[float, ...]
+    mach: tuple[float, ...]
+    lift: tuple[tuple[float, ...], ...]
+    drag: tuple[tuple[float, ...], ...]
+    needs_mach: ClassVar[bool] = True
+    _weights: tuple[Any, ...] = field(init=False, repr=False, compare=False)
+
+    def __post_init__(self) -> None:
+        shape = (len(self.angle_of_attack), len(self.mach))
+        for name in ("lift", "drag"):
+            if np.shape(getattr(self, name)) != shape:
+                raise ValueError(
+                    f"aerodynamics.{name}: expected a table of shape {shape} "
+                    f"(angle_of_attack × mach), got {np.shape(getattr(self, name))}"
+                )
+        alpha, mach = _held(np.array(self.angle_of_attack)), _held(np.array(self.mach))
+        weights: list[Any] = [alpha, mach]
+        for table in (self.lift, self.drag):
+            values = np.pad(np.array(table), 2, mode="edge")
+            left = np.stack(_natural_basis(alpha, alpha), axis=-1)
+            right = np.stack(_natural_basis(mach, mach), axis=-1)
+            weights.append(np.linalg.solve(right, np.linalg.solve(left, values).T).T)
+        object.__setattr__(self, "_weights", tuple(weights))
+
+    def coefficients(self, angle_of_attack: Any, mach: Any) -> tuple[Any, Any]:
+        """(C_L, C_D), the edge held outside the table."""
+        alpha_knots, mach_knots, lift, drag = self._weights
+        alpha = np.fmin(np.fmax(angle_of_attack, alpha_knots[0]), alpha_knots[-1])
+        mach = np.fmin(np.fmax(mach, mach_knots[0]), mach_knots[-1])
+        left, right = _natural_basis(alpha_knots, alpha), _natural_basis(mach_knots, mach)
+
+        def evaluate(table: NDArray[np.float64]) -> Any:
+            rows = [sum(w * b for w, b in zip(row, right, strict=True)) for row in table]
+            return sum(row * b for row, b in zip(rows, left, strict=True))
+
+        return evaluate(lift), evaluate(drag)

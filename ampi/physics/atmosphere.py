@@ -1,0 +1,111 @@
+"""Atmospheres as smooth functions of geometric altitude.
+
+The layers of the US Standard Atmosphere 1976 meet with kinks, and a kink inside a segment costs a
+pseudospectral method its spectral convergence. `StandardAtmosphere1976` is therefore one Chebyshev
+polynomial of ln ρ (and one of T), fitted by least squares to the tabulated atmosphere:
+
+    ln ρ(h) = Σ_k c_k T_k(ξ),   ξ = 2 h / h_max − 1,                            (1)
+
+evaluated by Clenshaw's recurrence: additions and multiplications only, so the same source runs on
+floats, arrays, complex numbers and symbols, and has derivatives of every order. Outside the table
+ln ρ goes on linearly, with the slope of the edge. A cubic spline was rejected: its third derivative
+jumps at every knot, and its evaluation needs an index, which a symbolic tracer cannot follow.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import lru_cache
+from importlib import resources
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.polynomial import chebyshev
+from numpy.typing import NDArray
+
+SPECIFIC_HEAT_RATIO = 1.4
+AIR_GAS_CONSTANT = 287.053  # J/(kg K)
+CHEBYSHEV_DEGREE = 24  # 0.3 % rms of density, 1.4 % at the tropopause; see tests/physics
+
+
+class Atmosphere(Protocol):
+    """Density and speed of sound over altitude, as plain ufunc expressions."""
+
+    def density(self, altitude: Any) -> Any:
+        """Density (kg/m³) at geometric `altitude` (m)."""
+        ...
+
+    def speed_of_sound(self, altitude: Any) -> Any:
+        """Speed of sound (m/s) at geometric `altitude` (m)."""
+        ...
+
+
+@dataclass(frozen=True, kw_only=True)
+class ExponentialAtmosphere:
+    """ρ = ρ₀ exp(−h/H), isothermal: c² = κ R T with R T = g₀ H."""
+
+    surface_density: float  # kg/m³
+    scale_height: float  # m
+    surface_gravity: float = 9.80665  # m/s², sets the temperature
+
+    def density(self, altitude: Any) -> Any:
+        """Density (kg/m³) at `altitude` (m)."""
+        return self.surface_density * np.exp(-altitude / self.scale_height)
+
+    def speed_of_sound(self, altitude: Any) -> Any:
+        """Speed of sound (m/s): the same at every altitude."""
+        speed = np.sqrt(SPECIFIC_HEAT_RATIO * self.surface_gravity * self.scale_height)
+        return speed + 0.0 * altitude
+
+
+@dataclass(frozen=True)
+class SmoothTable:
+    """Least-squares Chebyshev polynomial over [0, top], linear outside, Eq. (1)."""
+
+    top: float
+    coefficients: tuple[float, ...]
+    edge_slopes: tuple[float, float]
+
+    @classmethod
+    def fit(cls, altitude: NDArray[np.float64], value: NDArray[np.float64]) -> SmoothTable:
+        """Fit the table `value` over `altitude` (m), which starts at zero."""
+        top = float(altitude[-1])
+        series = chebyshev.Chebyshev.fit(altitude, value, CHEBYSHEV_DEGREE, domain=[0.0, top])
+        slopes = series.deriv()(np.array([0.0, top]))
+        return cls(top, tuple(series.coef.tolist()), (float(slopes[0]), float(slopes[1])))
+
+    def __call__(self, altitude: Any) -> Any:
+        """Value at `altitude` (m), by Clenshaw's recurrence."""
+        inside = np.fmin(np.fmax(altitude, 0.0), self.top)
+        xi = inside * (2.0 / self.top) - 1.0
+        twice = 2.0 * xi
+        last, before = 0.0 * xi, 0.0 * xi
+        for coefficient in reversed(self.coefficients[1:]):
+            last, before = twice * last - before + coefficient, last
+        value = xi * last - before + self.coefficients[0]
+        below = self.edge_slopes[0] * np.fmin(altitude, 0.0)
+        return value + below + self.edge_slopes[1] * np.fmax(altitude - self.top, 0.0)
+
+
+@lru_cache(maxsize=1)
+def _us76() -> tuple[SmoothTable, SmoothTable]:
+    text = resources.files("ampi.physics").joinpath("us76.csv").read_text(encoding="utf-8")
+    table = np.loadtxt(text.splitlines(), delimiter=",", skiprows=2)
+    altitude, density, temperature = table.T
+    return SmoothTable.fit(altitude, np.log(density)), SmoothTable.fit(altitude, temperature)
+
+
+@dataclass(frozen=True)
+class StandardAtmosphere1976:
+    """US Standard Atmosphere 1976 from 0 to 120 km, made smooth."""
+
+    log_density: SmoothTable = field(default_factory=lambda: _us76()[0], repr=False)
+    temperature: SmoothTable = field(default_factory=lambda: _us76()[1], repr=False)
+
+    def density(self, altitude: Any) -> Any:
+        """Density (kg/m³) at geometric `altitude` (m)."""
+        return np.exp(self.log_density(altitude))
+
+    def speed_of_sound(self, altitude: Any) -> Any:
+        """Speed of sound (m/s), √(κ R T), at geometric `altitude` (m)."""
+        return np.sqrt(SPECIFIC_HEAT_RATIO * AIR_GAS_CONSTANT * self.temperature(altitude))

@@ -1,0 +1,67 @@
+"""Rotating planet with a central field and J2.
+
+    g(r, φ) = μ/r² · [1 + 3/2 J2 (R_e/r)² (1 − 3 sin²φ)]                        (1)
+
+Eq. (1) is the radial component only: the one g of Sagliano et al. 2016, Eq. (2).
+
+References
+----------
+Sagliano, Mooij, Theil (2016), AIAA 2016-2115, Section III. WGS84: NIMA TR8350.2.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+
+@dataclass(frozen=True, kw_only=True)
+class Planet:
+    """Constants of a planet (SI). `load_factor_gravity` is the g₀ of the load factor, Eq. (4)."""
+
+    equatorial_radius: float  # m
+    gravitational_parameter: float  # m³/s²
+    j2: float  # –
+    rotation_rate: float  # rad/s
+    load_factor_gravity: float  # m/s²
+
+    def __post_init__(self) -> None:
+        if self.equatorial_radius <= 0 or self.gravitational_parameter <= 0:
+            raise ValueError(
+                "planet: equatorial_radius and gravitational_parameter must be positive, got "
+                f"{self.equatorial_radius} m and {self.gravitational_parameter} m³/s²"
+            )
+
+
+WGS84 = Planet(
+    equatorial_radius=6_378_137.0,
+    gravitational_parameter=3.986004418e14,
+    j2=1.08262668e-3,
+    rotation_rate=7.2921e-5,
+    load_factor_gravity=9.782,
+)
+
+
+def gravity(planet: Planet, radius: Any, latitude: Any) -> Any:
+    """Radial gravity acceleration (m/s²) at `radius` (m) and `latitude` (rad), Eq. (1)."""
+    sin_latitude = np.sin(latitude)
+    oblateness = (
+        1.5
+        * planet.j2
+        * (planet.equatorial_radius / radius) ** 2
+        * (1.0 - 3.0 * sin_latitude * sin_latitude)
+    )
+    return planet.gravitational_parameter / (radius * radius) * (1.0 + oblateness)
+
+
+def great_circle_distance(
+    longitude_1: Any, latitude_1: Any, longitude_2: Any, latitude_2: Any, radius: float
+) -> Any:
+    """Distance over a sphere of `radius` (m) between two points (rad): haversine, exact near zero."""
+    half_chord_squared = (
+        np.sin(0.5 * (latitude_2 - latitude_1)) ** 2
+        + np.cos(latitude_1) * np.cos(latitude_2) * np.sin(0.5 * (longitude_2 - longitude_1)) ** 2
+    )
+    return 2.0 * radius * np.arcsin(np.sqrt(half_chord_squared))

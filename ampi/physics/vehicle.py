@@ -1,0 +1,87 @@
+"""A vehicle: mass, reference area, aerodynamics and its angle-of-attack schedule."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ampi.physics.aerodynamics import Aerodynamics
+from ampi.physics.atmosphere import Atmosphere
+
+
+@dataclass(frozen=True, kw_only=True)
+class AngleOfAttackSchedule:
+    """Two constant angles (rad) joined by a line over `start` … `end` of time (s) or speed (m/s).
+
+    Over time the kinks stand at fixed instants: give the mesh a phase boundary at each (see
+    `Mission.mesh`). Over speed they move with the trajectory and cannot sit on a node.
+    """
+
+    variable: str  # "time" or "speed"
+    start: float
+    end: float
+    start_angle: float  # rad, for variable ≤ start
+    end_angle: float  # rad, for variable ≥ end
+
+    def __post_init__(self) -> None:
+        if self.variable not in ("time", "speed"):
+            raise ValueError(
+                f"angle_of_attack.variable: expected 'time' or 'speed', got {self.variable!r}"
+            )
+        if not self.end > self.start:
+            raise ValueError(
+                f"angle_of_attack: end ({self.end}) must lie after start ({self.start})"
+            )
+
+    def __call__(self, time: Any, speed: Any) -> Any:
+        """Angle of attack (rad) at `time` (s) and `speed` (m/s)."""
+        variable = time if self.variable == "time" else speed
+        fraction = np.fmin(np.fmax((variable - self.start) / (self.end - self.start), 0.0), 1.0)
+        return self.start_angle + (self.end_angle - self.start_angle) * fraction
+
+
+@dataclass(frozen=True, kw_only=True)
+class Vehicle:
+    """What the air acts on. Mass in kg, reference area in m², heat-flux model per Eq. (4)."""
+
+    mass: float
+    reference_area: float
+    aerodynamics: Aerodynamics
+    angle_of_attack: AngleOfAttackSchedule
+    heat_flux_constant: float  # k_q; W/m² per (kg/m³)^½ (m/s)^exponent
+    heat_flux_speed_exponent: float = 3.0
+
+    def __post_init__(self) -> None:
+        for name in ("mass", "reference_area", "heat_flux_constant"):
+            if getattr(self, name) <= 0:
+                raise ValueError(f"vehicle.{name}: must be positive, got {getattr(self, name)}")
+
+
+@dataclass(frozen=True)
+class AirLoads:
+    """Specific aerodynamic loads at a flight condition: lift and drag (m/s²), ρ, α."""
+
+    lift: Any
+    drag: Any
+    density: Any
+    angle_of_attack: Any
+
+
+def air_loads(
+    vehicle: Vehicle, atmosphere: Atmosphere, altitude: Any, speed: Any, time: Any
+) -> AirLoads:
+    """Lift and drag accelerations (m/s²) at `altitude` (m), `speed` (m/s) and `time` (s)."""
+    angle_of_attack = vehicle.angle_of_attack(time, speed)
+    density = atmosphere.density(altitude)
+    aerodynamics = vehicle.aerodynamics
+    mach = speed / atmosphere.speed_of_sound(altitude) if aerodynamics.needs_mach else None
+    lift_coefficient, drag_coefficient = aerodynamics.coefficients(angle_of_attack, mach)
+    specific_pressure = 0.5 * density * speed * speed * (vehicle.reference_area / vehicle.mass)
+    return AirLoads(
+        lift=specific_pressure * lift_coefficient,
+        drag=specific_pressure * drag_coefficient,
+        density=density,
+        angle_of_attack=angle_of_attack,
+    )

@@ -1,0 +1,1 @@
+"""Flipped Radau nodes, barycentric evaluation and meshes of phases and segments."""

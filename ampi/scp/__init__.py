@@ -1,0 +1,1 @@
+"""Sequential convex programming: one optimal control problem → one Trajectory."""

@@ -1,0 +1,44 @@
+"""When the iteration has converged, and what the result is called.
+
+The step decides, not the subproblem's own status: asked for steps far below its tolerance a conic
+solver reports insufficient progress. A small step alone would not do either: the excess of the limits
+and the distance to the target are looked at before the word "solved" is used.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ampi.scp.problem import OptimalControlProblem
+from ampi.trajectory import Status
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, kw_only=True)
+class ConvergenceSettings:
+    """`step`: ‖(δσ, δt_f)‖_∞ (rad, scaled) of the step that ends the iteration.
+
+    The iteration is Newton's there, so the error left behind is about the square of it.
+    """
+
+    step: float = 1e-4
+    limit_excess: float = 1e-4  # relative excess of a path limit at the nodes
+    horizontal_miss: float = 1e3 / 6.378137e6  # rad: beyond, the target counts as missed
+
+
+def verdict(
+    settings: ConvergenceSettings, problem: OptimalControlProblem, final: Array, excess: Array
+) -> Status:
+    """Status of a converged iterate; `final` is the scaled final state (7,)."""
+    if np.any(excess > settings.limit_excess):
+        return Status.LIMITS_EXCEEDED
+    error = np.abs(problem.target_error(final))
+    miss = np.hypot(error[1] * np.cos(final[2]), error[2])
+    altitude, speed = problem.target_tolerance
+    if miss > settings.horizontal_miss or error[0] > altitude or error[3] > speed:
+        return Status.TARGET_MISSED
+    return Status.SOLVED

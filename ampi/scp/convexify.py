@@ -1,0 +1,50 @@
+"""Making the reduced Hessian convex without spoiling Newton's method.
+
+Near a solution the target is met (no elastic component), and what must be positive definite is the
+Hessian on the tangent space C z = 0 of the target. There `convexify_on_tangent` clips eigenvalues on
+that space only, and adds a multiple of the identity on its complement, where the target itself
+decides the step. The full-space Hessian of a nonlinear target is often indefinite even at a strict
+minimum; clipping it there was tried, and turns quadratic into linear convergence.
+
+With A = [Y N] orthogonal, N spanning the tangent space, and H̃ = AᵀHA:
+
+    H̃_NN ← eigenvalues |·| clipped at δ,                                       (1)
+    H̃_YY ← H̃_YY + t I,  t = max(0, δ − λ_min(H̃_YY − H̃_YN H̃_NN⁻¹ H̃_NY)).      (2)
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import eigh
+from scipy.linalg.lapack import dpotrf
+
+Array = NDArray[np.float64]
+
+
+def convexify_on_tangent(hessian: Array, target_map: Array, floor: float) -> Array:
+    """Positive definite matrix equal to `hessian` wherever that is convex on C z = 0.
+
+    Parameters
+    ----------
+    hessian
+        Reduced Hessian (n, n), symmetric.
+    target_map
+        C (m, n), full row rank.
+    floor
+        δ > 0, least eigenvalue.
+    """
+    m = len(target_map)
+    basis = np.linalg.qr(target_map.T, mode="complete")[0]
+    rotated = basis.T @ hessian @ basis
+    tangent = 0.5 * (rotated[m:, m:] + rotated[m:, m:].T)
+    if dpotrf(tangent - floor * np.eye(len(tangent)), lower=1)[1] != 0:
+        values, vectors = eigh(tangent, driver="evd")
+        tangent = (vectors * np.maximum(np.abs(values), floor)) @ vectors.T
+        rotated[m:, m:] = tangent
+    cross = rotated[:m, m:]
+    complement = rotated[:m, :m] - cross @ np.linalg.solve(tangent, cross.T)
+    least = float(np.linalg.eigvalsh(0.5 * (complement + complement.T))[0])
+    rotated[np.arange(m), np.arange(m)] += max(0.0, floor - least)
+    convex = basis @ rotated @ basis.T
+    return np.asarray(0.5 * (convex + convex.T))

@@ -1,0 +1,129 @@
+"""Exact derivatives of the physics at every node, by CasADi, from the one source in ampi/physics.
+
+The traced expression graph is evaluated in CasADi's virtual machine: there is no compile step. One
+call evaluates all nodes, reading and writing numpy memory directly.
+"""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass
+from functools import lru_cache
+
+os.environ.setdefault("OMP_NUM_THREADS", "1")
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from ampi.physics.equations_of_motion import FlightModel, equations_of_motion
+from ampi.physics.path_constraints import path_constraints
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class NodeDerivatives:
+    """At every node, in scaled variables: f, g and their derivatives; n nodes."""
+
+    rates: Array  # (n, 7)
+    state_jacobian: Array  # (n, 7, 7), ∂f/∂x
+    time_derivative: Array  # (n, 7), ∂f/∂t
+    path: Array  # (n, 3), g over its limit
+    path_jacobian: Array  # (n, 3, 8), ∂g/∂(x, t)
+
+
+class ScaledDynamics:
+    """f, g and derivatives of scaled states on n nodes, evaluated in one call each.
+
+    The output arrays are overwritten by the next call of the same kind.
+    """
+
+    def __init__(
+        self,
+        model: FlightModel,
+        limits: tuple[float, float, float],
+        state_scale: tuple[float, ...],
+        rate_scale: float,
+        n_nodes: int,
+    ) -> None:
+        x, u, t = ca.SX.sym("x", 7), ca.SX.sym("u"), ca.SX.sym("t")
+        mu, nu = ca.SX.sym("mu", 7), ca.SX.sym("nu", 3)
+        scale = ca.DM(list(state_scale))
+        physical = x * scale
+        previous_mode = ca.GlobalOptions.getNumpyMode()
+        ca.GlobalOptions.setNumpyMode(-1)
+        try:
+            rates = equations_of_motion(model, physical, u * rate_scale, t)
+            limited = path_constraints(model, physical, t)
+        finally:
+            ca.GlobalOptions.setNumpyMode(previous_mode)
+        f = ca.vertcat(*rates) / scale
+        g = ca.vertcat(*limited) / ca.DM(list(limits))
+        xt = ca.vertcat(x, t)
+        hessian = ca.hessian(ca.dot(mu, f) + ca.dot(nu, g), xt)[0]
+
+        def batch(inputs: list[ca.SX], outputs: list[ca.SX]) -> _Buffered:
+            dense = [ca.densify(out) for out in outputs]
+            return _Buffered(ca.Function("nodes", inputs, dense).map(n_nodes), n_nodes)
+
+        self._first = batch(
+            [x, u, t], [f, ca.jacobian(f, x), ca.jacobian(f, t), g, ca.jacobian(g, xt)]
+        )
+        self._values = batch([x, u, t], [f, g])
+        self._second = batch([x, u, t, mu, nu], [hessian])
+
+    def values(self, x: Array, u: Array, t: Array) -> tuple[Array, Array]:
+        """f (n, 7) and g (n, 3)."""
+        f, g = self._values(x, u, t)
+        return f[:, 0], g[:, 0]
+
+    def first(self, x: Array, u: Array, t: Array) -> NodeDerivatives:
+        """f, g and first derivatives; x (n, 7), u (n,), t (n,)."""
+        f, fx, ft, g, gx = self._first(x, u, t)
+        return NodeDerivatives(
+            rates=f[:, 0].copy(),
+            state_jacobian=fx.transpose(0, 2, 1).copy(),
+            time_derivative=ft[:, 0].copy(),
+            path=g[:, 0].copy(),
+            path_jacobian=gx.transpose(0, 2, 1).copy(),
+        )
+
+    def hessian(self, x: Array, u: Array, t: Array, mu: Array, nu: Array) -> Array:
+        """Σ μ ∇²f + Σ ν ∇²g over (x, t): (n, 8, 8)."""
+        (h,) = self._second(x, u, t, mu, nu)
+        return h
+
+
+class _Buffered:
+    """A mapped CasADi function bound to numpy buffers; node-major, so (n, columns, rows)."""
+
+    def __init__(self, function: ca.Function, n: int) -> None:
+        self._buffer, self._evaluate = function.buffer()
+        self._inputs = [np.zeros((n, function.size1_in(i))) for i in range(function.n_in())]
+        self._outputs = [
+            np.zeros((n, function.size2_out(i) // n, function.size1_out(i)))
+            for i in range(function.n_out())
+        ]
+        for i, array in enumerate(self._inputs):
+            self._buffer.set_arg(i, memoryview(array))
+        for i, array in enumerate(self._outputs):
+            self._buffer.set_res(i, memoryview(array))
+
+    def __call__(self, *arguments: Array) -> list[Array]:
+        for stored, given in zip(self._inputs, arguments, strict=True):
+            stored[...] = given.reshape(stored.shape)
+        self._evaluate()
+        return self._outputs
+
+
+@lru_cache(maxsize=16)
+def scaled_dynamics(
+    model: FlightModel,
+    limits: tuple[float, float, float],
+    state_scale: tuple[float, ...],
+    rate_scale: float,
+    n_nodes: int,
+) -> ScaledDynamics:
+    """The traced functions, built once per process and model."""
+    return ScaledDynamics(model, limits, state_scale, rate_scale, n_nodes)

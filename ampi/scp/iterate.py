@@ -1,0 +1,139 @@
+"""Iterates that fly: evaluation of a point and its restoration to the collocation equations."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ampi.scp.condensing import CondensedDynamics, Iterate, condense
+from ampi.scp.derivatives import NodeDerivatives, ScaledDynamics, scaled_dynamics
+from ampi.scp.elastic_target import huber
+from ampi.scp.guess import NodalGuess
+from ampi.scp.penalty import limit_excess
+from ampi.scp.problem import BANK, OptimalControlProblem
+from ampi.scp.transcription import RadauTranscription, radau_transcription
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, kw_only=True)
+class RestorationSettings:
+    """Newton's iteration on R = 0 at fixed control: chord steps, refactored when they stall."""
+
+    tolerance: float = 1e-9  # scaled state change
+    corrections: int = 8  # per factorisation
+    factorisations: int = 4
+
+
+@dataclass(frozen=True, eq=False)
+class Point:
+    """A flyable iterate with what the merit needs."""
+
+    iterate: Iterate
+    path: Array  # g (n, 3)
+    effort: float
+    target_error: Array  # (4,)
+    excess: Array  # (3,)
+
+    def merit(self, weights: Array, price: Array, penalty: float) -> float:
+        """Penalty, Eq. (1)."""
+        return (
+            self.effort
+            + huber(self.target_error, weights, price)
+            + penalty * float(self.excess.sum())
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Linearised:
+    """Derivatives at a point and the condensed dynamics."""
+
+    derivatives: NodeDerivatives
+    condensed: CondensedDynamics
+
+
+@dataclass(frozen=True, eq=False)
+class Flight:
+    """The transcribed dynamics of one problem: linearise, restore, evaluate."""
+
+    problem: OptimalControlProblem
+    transcription: RadauTranscription
+    dynamics: ScaledDynamics
+    restoration: RestorationSettings
+
+    @classmethod
+    def of(cls, problem: OptimalControlProblem, restoration: RestorationSettings) -> Flight:
+        """Bind a problem to its cached transcription and traced derivatives."""
+        dynamics = scaled_dynamics(
+            problem.model,
+            problem.limits,
+            problem.scaling.states,
+            problem.bank_rate_limit,
+            problem.mesh.n_nodes,
+        )
+        return cls(problem, radau_transcription(problem.mesh), dynamics, restoration)
+
+    def linearise(self, iterate: Iterate) -> Linearised:
+        """Derivatives and condensed dynamics at `iterate`."""
+        t = self.transcription
+        derivatives = self.dynamics.first(
+            iterate.states, t.nodal_rate(iterate.bank_rate), t.times(iterate.final_time)
+        )
+        return Linearised(derivatives, condense(self.problem, t, derivatives, iterate.final_time))
+
+    def restore(self, iterate: Iterate, condensed: CondensedDynamics | None) -> Point | None:
+        """Solve R = 0 for the states at fixed control; None if it does not converge.
+
+        `condensed` are factors from a nearby iterate, or None to factor here.
+        """
+        for _ in range(self.restoration.factorisations):
+            if condensed is None:
+                try:
+                    condensed = self.linearise(iterate).condensed
+                except FloatingPointError:
+                    return None
+            iterate, converged = self._chord(iterate, condensed)
+            if converged:
+                return self.evaluate(iterate)
+            if not np.all(np.isfinite(iterate.states)):
+                return None
+            condensed = None
+        return None
+
+    def _chord(self, iterate: Iterate, condensed: CondensedDynamics) -> tuple[Iterate, bool]:
+        t, final_time = self.transcription, iterate.final_time
+        rate, times = t.nodal_rate(iterate.bank_rate), t.times(final_time)
+        x, before = iterate.states, np.inf
+        for _ in range(self.restoration.corrections):
+            rates, _ = self.dynamics.values(x, rate, times)
+            entry_error = np.append(self.problem.entry - x[0, :BANK], 0.0)
+            change = condensed.correction(t.residual(x, rates, final_time), entry_error)
+            size = float(np.abs(change).max())
+            if not size < 2.0 * before:  # diverging, or not a number
+                break
+            x, before = x + change, size
+            if size < self.restoration.tolerance:
+                return Iterate(x, iterate.bank_rate, final_time), True
+        return Iterate(x, iterate.bank_rate, final_time), False
+
+    def evaluate(self, iterate: Iterate) -> Point:
+        """Path constraints, effort and target error."""
+        t = self.transcription
+        _, path = self.dynamics.values(
+            iterate.states, t.nodal_rate(iterate.bank_rate), t.times(iterate.final_time)
+        )
+        return Point(
+            iterate=iterate,
+            path=path.copy(),
+            effort=self.problem.effort_weight * t.effort(iterate.bank_rate, iterate.final_time),
+            target_error=self.problem.target_error(iterate.states[-1]),
+            excess=limit_excess(path),
+        )
+
+    def first_point(self, guess: NodalGuess) -> Point | None:
+        """The guess in scaled units, moved to this problem's entry state and restored to flight."""
+        states = guess.states / np.array(self.problem.scaling.states)
+        rate = np.clip(guess.bank_rate[1:] / self.problem.bank_rate_limit, -1.0, 1.0)
+        return self.restore(Iterate(states, rate, guess.final_time), None)

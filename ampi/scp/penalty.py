@@ -1,0 +1,31 @@
+"""Exact penalty on the path limits.
+
+    merit = effort + φ_ν(e) + ρ Σ_k max(0, max_i g_ik − 1)                      (1)
+
+ρ must exceed the sum of the limits' multipliers; it grows to twice their measured sum and, while an
+excess stays open at convergence, tenfold. It never shrinks.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, kw_only=True)
+class PenaltySettings:
+    """In units of the reference effort; the limits are scaled to one."""
+
+    initial: float = 20.0
+    growth: float = 10.0
+    growths: int = 5  # before a limit counts as one that cannot be kept
+    tolerance: float = 1e-6  # excess counted as open
+
+
+def limit_excess(path: Array) -> Array:
+    """Excess of each limit (3,) from g (n, 3)."""
+    return np.asarray(np.maximum(path.max(axis=0) - 1.0, 0.0))
