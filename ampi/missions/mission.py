@@ -202,6 +202,12 @@ class ObjectiveSection(Section):
     bank_rate_effort: float = Field(gt=0)  # per (deg/s)² s
 
 
+class GuessSection(Section):
+    """Constant bank angle of the first guess. It selects the branch where several optima exist."""
+
+    bank_angle: u.Angle = Field(ge=-np.pi, le=np.pi)
+
+
 class PhaseSection(Section):
     """One phase of the mesh; the last has no end."""
 
@@ -257,6 +263,7 @@ class Mission(Section):
     limits: LimitsSection
     objective: ObjectiveSection
     mesh: MeshSection
+    guess: GuessSection | None = None
     grid: GridSection = GridSection()
     toml: str = Field(default="", repr=False)
 

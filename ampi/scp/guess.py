@@ -83,6 +83,13 @@ def best_constant_bank(mission: Mission, candidates: int = 9) -> ConstantBank | 
     return None if nearest is None else nearest[1]
 
 
+def default_guess(mission: Mission) -> ConstantBank | None:
+    """The mission's own constant bank angle, else the best one."""
+    if mission.guess is not None:
+        return ConstantBank(mission.guess.bank_angle)
+    return best_constant_bank(mission)
+
+
 def from_trajectory(trajectory: Trajectory, mission: Mission) -> NodalGuess:
     """A trajectory as guess, resampled if it was solved on another mesh."""
     mesh = mission.pseudospectral_mesh

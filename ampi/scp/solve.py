@@ -29,7 +29,7 @@ from ampi.missions.mission import Mission
 from ampi.scp.condensing import CondensedDynamics, Iterate
 from ampi.scp.convergence import ConvergenceSettings, verdict
 from ampi.scp.elastic_target import ElasticSettings, huber, is_elastic, reference_price
-from ampi.scp.guess import ConstantBank, NodalGuess, best_constant_bank, nodal_guess
+from ampi.scp.guess import ConstantBank, NodalGuess, default_guess, nodal_guess
 from ampi.scp.iterate import Flight, Point, RestorationSettings
 from ampi.scp.penalty import PenaltySettings
 from ampi.scp.problem import N_TARGETS, OptimalControlProblem
@@ -72,8 +72,8 @@ def solve(
     mission
         From `load_mission`; its entry state may be replaced with `Mission.with_entry`.
     guess
-        A neighbouring trajectory, a `ConstantBank`, or None: the constant bank angle whose flight
-        ends nearest to the target.
+        A neighbouring trajectory, a `ConstantBank`, or None: the mission's own constant bank angle,
+        or where it names none, the one whose flight ends nearest to the target.
     settings
         Solver settings; the defaults need no tuning.
 
@@ -84,7 +84,7 @@ def solve(
     """
     settings = settings or SolverSettings()
     problem = OptimalControlProblem.from_mission(mission)
-    start = guess if guess is not None else best_constant_bank(mission)
+    start = guess if guess is not None else default_guess(mission)
     nodal = None if start is None else nodal_guess(mission, start)
     return _Solve(problem, settings).run(nodal, warm=isinstance(guess, Trajectory))
 

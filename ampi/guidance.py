@@ -1,0 +1,107 @@
+"""Guidance: the two flying halves behind one interface.
+
+`Guidance.reference` makes the reference of an entry, `Guidance.command` tracks it. Both return and
+never raise in flight: what is unusual is a flag (`Reference.clipped`, `Health`).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import IntEnum
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ampi.onboard.reference import Mode, Reference, ReferenceGenerator
+from ampi.onboard.table import GuidanceTable
+from ampi.tracking.bank_limiter import BankLimits, limited_rate
+from ampi.tracking.linear_quadratic import bank_rate_command
+
+Array = NDArray[np.float64]
+
+
+class Health(IntEnum):
+    """What the vehicle management should know."""
+
+    GOOD = 0
+    BOUNDARY_REFERENCE = 1  # the entry state lies outside the hypercube
+    BAD_NAVIGATION = 2  # a state is not finite: the reference's own bank rate is commanded
+    AFTER_FINAL_TIME = 3  # the reference has ended: the bank angle is held
+
+
+@dataclass(frozen=True)
+class BankCommand:
+    """Bank rate to be reached at the end of the cycle (rad/s), bank angle there (rad)."""
+
+    bank_rate: float
+    bank_angle: float
+    health: Health
+
+
+class Guidance:
+    """Onboard guidance from a table, in one mode."""
+
+    def __init__(
+        self,
+        table: GuidanceTable,
+        limits: BankLimits,
+        mode: Mode = Mode.AMPI,
+        *,
+        cycle: float = 0.5,
+    ) -> None:
+        self.table, self.limits, self.mode, self.cycle = table, limits, mode, cycle
+        self._generator = ReferenceGenerator(table, mode)
+
+    def in_mode(self, mode: Mode) -> Guidance:
+        """The same table flown in another mode."""
+        return Guidance(self.table, self.limits, mode, cycle=self.cycle)
+
+    def reference(self, entry_state: ArrayLike) -> Reference:
+        """Reference for a measured entry state (h, θ, φ, V, γ, ψ; m, rad, m/s).
+
+        Its arrays belong to the guidance and are overwritten by the next call; keep a `copy`.
+        """
+        return self._generator.reference(entry_state)
+
+    def command(
+        self, reference: Reference, time: float, state: Array, bank_rate: float
+    ) -> BankCommand:
+        """Bank command for one guidance cycle.
+
+        Parameters
+        ----------
+        reference
+            From `reference`.
+        time
+            Since the entry interface (s).
+        state
+            Navigation state (h, θ, φ, V, γ, ψ, σ; SI, rad).
+        bank_rate
+            Present bank rate (rad/s).
+        """
+        k, w = locate(reference.times, time)
+        health = Health.GOOD if reference.inside else Health.BOUNDARY_REFERENCE
+        wanted = (1.0 - w) * reference.bank_rate[k] + w * reference.bank_rate[k + 1]
+        if time >= reference.final_time:
+            wanted, health = 0.0, Health.AFTER_FINAL_TIME
+        elif np.all(np.isfinite(state)):
+            at = (1.0 - w) * reference.states[:, k] + w * reference.states[:, k + 1]
+            gain = (1.0 - w) * reference.gains[:, k] + w * reference.gains[:, k + 1]
+            wanted = float(bank_rate_command(state, at, wanted, gain))
+        else:
+            health = Health.BAD_NAVIGATION
+        rate = float(limited_rate(self.limits, state[6], bank_rate, wanted, self.cycle))
+        return BankCommand(rate, float(state[6]) + 0.5 * (bank_rate + rate) * self.cycle, health)
+
+
+def locate(times: Array, time: float) -> tuple[int, float]:
+    """Index k and weight w with time = (1 − w) times[k] + w times[k+1], held at both ends."""
+    low, high = 0, len(times) - 1
+    while high - low > 1:  # bisection: bounded by log₂ of the length
+        middle = (low + high) // 2
+        if times[middle] <= time:
+            low = middle
+        else:
+            high = middle
+    w = (time - times[low]) / (times[high] - times[low])
+    return low, min(max(w, 0.0), 1.0)

@@ -1,0 +1,109 @@
+"""From the measured entry state to the reference of this entry: AMPI, online part.
+
+    subspace (Algorithm 1) → interpolation (Algorithm 2) → LD→HD, T̃_HD = T_LD P_FRP (Eq. (31)) and
+    t̃ = a + b t_f (Eq. (33), phase by phase)
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import Enum
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ampi.onboard.interpolation import TensorProductInterpolator
+from ampi.onboard.subspace import select_subspace
+from ampi.onboard.table import GAIN_ROWS, N_ROWS, RATE_ROW, STATE_ROWS, GuidanceTable
+
+Array = NDArray[np.float64]
+
+
+class Mode(Enum):
+    """How the reference is made."""
+
+    NOMINAL = "nominal"  # the hypercentre's optimum, whatever the entry state
+    MPI = "mpi"  # multilinear over the outer 2^d vertices
+    AMPI = "ampi"  # multilinear over the selected 2^d cell
+    QUADRATIC = "quadratic"  # order 3 in Eq. (16): three points per axis, same table
+
+
+_ORDER = {Mode.NOMINAL: 1, Mode.MPI: 2, Mode.AMPI: 2, Mode.QUADRATIC: 3}
+
+
+@dataclass(frozen=True, eq=False)
+class Reference:
+    """The high-density reference; m points. Arrays are overwritten by the next entry: `copy`."""
+
+    times: Array  # (m,), s since the entry interface
+    states: Array  # (7, m): h, θ, φ, V, γ, ψ, σ; SI, rad
+    bank_rate: Array  # (m,), rad/s
+    gains: Array  # (7, m): rate command = bank_rate − gains · (state − reference state)
+    final_time: float  # s
+    cell: tuple[int, ...]  # first grid index on each axis
+    clipped: tuple[bool, ...]  # axes on which the entry state lies outside the hypercube
+
+    @property
+    def inside(self) -> bool:
+        """Whether the entry state lies inside the hypercube."""
+        return not any(self.clipped)
+
+    def copy(self) -> Reference:
+        """A reference of its own memory."""
+        return Reference(
+            self.times.copy(),
+            self.states.copy(),
+            self.bank_rate.copy(),
+            self.gains.copy(),
+            self.final_time,
+            self.cell,
+            self.clipped,
+        )
+
+
+class ReferenceGenerator:
+    """Makes references from a table in one mode. All memory is allocated here, at start-up."""
+
+    def __init__(self, table: GuidanceTable, mode: Mode) -> None:
+        if mode is Mode.MPI:
+            table = table.corners()
+        elif mode is Mode.NOMINAL:
+            table = table.nominal()
+        self.table, self.mode = table, mode
+        grid = tuple(len(axis) for axis in table.axes)
+        n, m = table.conversion.shape
+        # The final time rides along as one more column: one interpolation serves both.
+        packed = np.empty((*grid, N_ROWS * n + 1))
+        packed[..., :-1] = table.values.reshape(*grid, N_ROWS * n)
+        packed[..., -1] = table.final_time
+        self._interpolator = TensorProductInterpolator(packed, _ORDER[mode])
+        self._weights = np.zeros((len(grid), 3))
+        self._low = np.zeros((N_ROWS, n))
+        self._high = np.zeros((N_ROWS, m))
+        self._times = np.zeros(m)
+
+    def reference(self, entry_state: ArrayLike) -> Reference:
+        """Reference for a measured entry state (h, θ, φ, V, γ, ψ; m, rad, m/s)."""
+        table = self.table
+        measured = np.asarray(entry_state, dtype=float)
+        first, clipped = [0] * len(table.axes), [False] * len(table.axes)
+        for i, axis in enumerate(table.axes):
+            first[i], clipped[i] = select_subspace(
+                axis, float(measured[i]), _ORDER[self.mode], self._weights[i]
+            )
+        row = self._interpolator(first, self._weights)
+        self._low[...] = row[:-1].reshape(self._low.shape)
+        np.matmul(self._low, table.conversion, out=self._high)
+        final_time = float(row[-1])
+        fixed, free = table.high_density_time
+        np.multiply(free, final_time, out=self._times)
+        np.add(self._times, fixed, out=self._times)
+        return Reference(
+            times=self._times,
+            states=self._high[STATE_ROWS],
+            bank_rate=self._high[RATE_ROW],
+            gains=self._high[GAIN_ROWS],
+            final_time=final_time,
+            cell=tuple(first),
+            clipped=tuple(clipped) if self.mode is not Mode.NOMINAL else (False,) * len(clipped),
+        )

@@ -1,0 +1,190 @@
+"""Closed-loop entries, vectorised over flights.
+
+Plant: the equations of motion of ampi/physics, RK4, one step per guidance cycle with the bank rate
+linear in it. Flight software: the functions of ampi/onboard and ampi/tracking that `Guidance` calls,
+here on a batch. A flight ends where its speed reaches the target speed.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import IntEnum
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ampi.guidance import Guidance
+from ampi.missions.mission import Mission
+from ampi.onboard.reference import Reference
+from ampi.physics.equations_of_motion import FlightModel, equations_of_motion
+from ampi.tracking.bank_limiter import limited_rate
+from ampi.tracking.linear_quadratic import bank_rate_command
+
+Array = NDArray[np.float64]
+
+LONGEST = 2.0  # times the reference's final time: a flight that takes longer is a record, not a hang
+
+
+class FlightStatus(IntEnum):
+    """How a flight ended."""
+
+    REACHED_SPEED = 0
+    GROUND = 1
+    TIME_LIMIT = 2
+    NOT_FINITE = 3
+
+
+@dataclass(frozen=True, eq=False)
+class FlightBatch:
+    """Flights of one batch; n flights, k recorded points (NaN after a flight's end)."""
+
+    final_states: Array  # (n, 7)
+    final_time: Array  # (n,), s
+    status: NDArray[np.int64]  # (n,), FlightStatus
+    clipped: NDArray[np.bool_]  # (n,)
+    times: Array  # (k,), s
+    states: Array  # (n, 7, k)
+    reference_states: Array  # (n, 7, k)
+    bank_rate: Array  # (n, k), flown, rad/s
+
+
+@dataclass(frozen=True, eq=False)
+class _StackedReferences:
+    """References of n flights: times (n, m), rows (n, 15, m)."""
+
+    times: Array
+    rows: Array
+    final_time: Array
+    clipped: NDArray[np.bool_]
+
+    @classmethod
+    def of(cls, guidance: Guidance, entry_states: Array) -> _StackedReferences:
+        m = guidance.table.conversion.shape[1]
+        n = len(entry_states)
+        times, rows, final = np.empty((n, m)), np.empty((n, 15, m)), np.empty(n)
+        clipped = np.zeros(n, dtype=bool)
+        for i, entry in enumerate(entry_states):
+            r: Reference = guidance.reference(entry)
+            times[i], final[i], clipped[i] = r.times, r.final_time, not r.inside
+            rows[i, :7], rows[i, 7], rows[i, 8:] = r.states, r.bank_rate, r.gains
+        return cls(times, rows, final, clipped)
+
+
+def fly_batch(
+    mission: Mission, guidance: Guidance, entry_states: Array, record_every: float = 5.0
+) -> FlightBatch:
+    """Fly the entries `entry_states` (n, 6) in closed loop."""
+    n, cycle, model = len(entry_states), guidance.cycle, mission.flight_model
+    references = _StackedReferences.of(guidance, entry_states)
+    flight = np.arange(n)
+    x = np.concatenate([entry_states.T, references.rows[:, 6, 0][None, :]])
+    rate, pointer = references.rows[:, 7, 0].copy(), np.zeros(n, dtype=np.intp)
+    final, final_time = np.full((n, 7), np.nan), np.full(n, np.nan)
+    status = np.full(n, int(FlightStatus.TIME_LIMIT))
+    flying = np.ones(n, dtype=bool)
+    steps = int(np.ceil(LONGEST * references.final_time.max() / cycle))
+    stride = max(1, round(record_every / cycle))
+    record: list[tuple[float, Array, Array, Array]] = []
+    for step in range(steps):
+        time = step * cycle
+        at, wanted, gain = _look_up(references, flight, pointer, time)
+        wanted = bank_rate_command(x, at, wanted, gain)
+        wanted = np.where(time >= references.final_time, 0.0, wanted)
+        if step % stride == 0:
+            record.append(_snapshot(time, x, at, rate, flying))
+        new_rate = limited_rate(guidance.limits, x[6], rate, wanted, cycle)
+        ahead = _rk4(model, x, rate, new_rate, time, cycle)
+        ended = flying & ~(ahead[3] > mission.target.speed)
+        if ended.any():
+            _finish(mission, ended, x, ahead, rate, new_rate, time, cycle, final, final_time, status)
+        grounded = flying & ~ended & (ahead[0] < 0.0)
+        final[grounded], final_time[grounded] = ahead[:, grounded].T, time + cycle
+        status[grounded] = int(FlightStatus.GROUND)
+        flying &= ~(ended | grounded)
+        x = np.where(flying, ahead, x)
+        rate = np.where(flying, new_rate, rate)
+        if not flying.any():
+            break
+    final[flying], final_time[flying] = x[:, flying].T, steps * cycle
+    times, states, reference_states, rates = zip(*record, strict=True)
+    return FlightBatch(
+        final_states=final,
+        final_time=final_time,
+        status=status,
+        clipped=references.clipped,
+        times=np.array(times),
+        states=np.stack(states, axis=2),
+        reference_states=np.stack(reference_states, axis=2),
+        bank_rate=np.stack(rates, axis=1),
+    )
+
+
+def _look_up(
+    references: _StackedReferences, flight: NDArray[np.intp], pointer: NDArray[np.intp], time: float
+) -> tuple[Array, Array, Array]:
+    """Reference states (7, n), bank rate (n,), gains (7, n) at `time`; advances `pointer`."""
+    last = references.times.shape[1] - 2
+    while True:
+        behind = (pointer < last) & (references.times[flight, pointer + 1] <= time)
+        if not behind.any():
+            break
+        pointer += behind
+    begin = references.times[flight, pointer]
+    w = (time - begin) / (references.times[flight, pointer + 1] - begin)
+    w = np.minimum(np.maximum(w, 0.0), 1.0)[:, None]
+    rows = (1.0 - w) * references.rows[flight, :, pointer] + w * references.rows[
+        flight, :, pointer + 1
+    ]
+    rows = rows.T
+    return rows[:7].copy(), rows[7], rows[8:]
+
+
+def _rk4(model: FlightModel, x: Array, rate: Array, new_rate: Array, time: float, h: float) -> Array:
+    """One step with σ̇ linear from `rate` to `new_rate`."""
+    middle = 0.5 * (rate + new_rate)
+
+    def f(state: Array, bank_rate: Array, at: float) -> Array:
+        return np.stack(equations_of_motion(model, state, bank_rate, at))
+
+    k1 = f(x, rate, time)
+    k2 = f(x + 0.5 * h * k1, middle, time + 0.5 * h)
+    k3 = f(x + 0.5 * h * k2, middle, time + 0.5 * h)
+    k4 = f(x + h * k3, new_rate, time + h)
+    return x + h / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4)
+
+
+def _finish(
+    mission: Mission,
+    ended: NDArray[np.bool_],
+    x: Array,
+    ahead: Array,
+    rate: Array,
+    new_rate: Array,
+    time: float,
+    cycle: float,
+    final: Array,
+    final_time: Array,
+    status: NDArray[np.int64],
+) -> None:
+    """Locate the target speed inside the step: two secant steps, each with its own RK4 step."""
+    for i in np.flatnonzero(ended):
+        if not np.all(np.isfinite(ahead[:, i])):
+            final_time[i], status[i] = time, int(FlightStatus.NOT_FINITE)
+            continue
+        begin, end = x[:, i : i + 1], ahead[:, i : i + 1]
+        h = cycle * float((x[3, i] - mission.target.speed) / (x[3, i] - ahead[3, i]))
+        for _ in range(2):
+            here = rate[i : i + 1] + (new_rate[i : i + 1] - rate[i : i + 1]) * (h / cycle)
+            end = _rk4(mission.flight_model, begin, rate[i : i + 1], here, time, h)
+            h *= float((x[3, i] - mission.target.speed) / (x[3, i] - end[3, 0]))
+        final[i], final_time[i] = end[:, 0], time + h
+        status[i] = int(FlightStatus.REACHED_SPEED)
+
+
+def _snapshot(
+    time: float, x: Array, at: Array, rate: Array, flying: NDArray[np.bool_]
+) -> tuple[float, Array, Array, Array]:
+    gone = ~flying
+    state, reference, flown = x.T.copy(), at.T.copy(), rate.copy()
+    state[gone], reference[gone], flown[gone] = np.nan, np.nan, np.nan
+    return time, state, reference, flown

@@ -1,0 +1,1 @@
+"""What flies, second half: Reference + navigation state → bank command. numpy alone."""

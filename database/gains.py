@@ -1,0 +1,148 @@
+"""Tracking gains at every vertex: a Riccati sweep along each optimum.
+
+The tracker steers the bank rate, δu = −K(t) δx with δx the seven-state error at equal time, and K
+minimises along the optimum
+
+    ½ δx_fᵀ S_f δx_f + ½ ∫ (δu/u_r)² + (δσ/σ_r)² dt,                             (1)
+    −Ṡ = AᵀS + SA + Q − S B R⁻¹ Bᵀ S,   S(t_f) = S_f,   K = R⁻¹ Bᵀ S.             (2)
+
+Guided flight ends where the speed reaches its target, not at a time. A flight with errors δx at t_f
+crosses that speed δt = −δV/V̇ later, so the error that counts is Π δx with
+
+    Π = I − ẋ_f e_Vᵀ / V̇_f,   S_f = Πᵀ W Π,                                      (3)
+
+W weighing position and altitude there. There is no running weight on position: the reference between
+entry and target is a means, and an interpolated one is not quite a flight; holding on to it would pass
+its defects on to the target.
+
+The sweep is an exact discrete-time recursion on a fine grid that contains the nodes, with zero-order
+hold in u over steps of at most `STEP` seconds; all cases of a batch at once.
+
+References
+----------
+Bryson & Ho (1975), Chapter 5 (terminal controllers with free final time: Section 5.5).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ampi.missions.mission import Mission
+from ampi.pseudospectral.mesh import Mesh
+from ampi.scp.derivatives import scaled_dynamics
+
+Array = NDArray[np.float64]
+
+STEP = 1.0  # s
+DEGREE = float(np.pi / 180.0)
+
+
+@dataclass(frozen=True, kw_only=True)
+class GainSettings:
+    """Acceptable sizes (Bryson's rule) for Eq. (1)."""
+
+    horizontal_miss: float = 500.0  # m
+    altitude_error: float = 200.0  # m
+    bank_rate: float = 0.5 * DEGREE  # rad/s over the whole flight
+    bank_deviation: float = 5.0 * DEGREE  # rad over the whole flight
+
+
+def vertex_gains(
+    mission: Mission, mesh: Mesh, states: Array, final_time: Array, settings: GainSettings
+) -> Array:
+    """K at the nodes, (c, 7, n), of trajectories `states` (c, 7, n), `final_time` (c,).
+
+    Row i multiplies the error of state i (SI, rad); the command is u_ref − K · δx (rad/s).
+    """
+    cases, n = len(states), mesh.n_nodes
+    gains = np.zeros((cases, 7, n))
+    shortest = float(final_time.max())
+    fine = [
+        np.union1d(
+            np.linspace(-1.0, 1.0, int(np.ceil(2.0 * _half(s, shortest) / STEP)) + 1), s.rule.nodes
+        )
+        for s in mesh.segments
+    ]
+    cost = _terminal_cost(mission, states, final_time, settings)
+    rate_weight = 1.0 / (settings.bank_rate**2 * final_time)
+    bank_weight = 1.0 / (settings.bank_deviation**2 * final_time)
+    for s, tau in zip(reversed(mesh.segments), reversed(fine), strict=True):
+        jacobian, times = _jacobians(mission, mesh, s, tau, states, final_time)
+        on_node = np.searchsorted(tau, s.rule.nodes)
+        node_at = {int(k): s.nodes.start + j for j, k in enumerate(on_node)}
+        if s.nodes.stop == n:
+            gains[:, :, n - 1] = cost[:, 6, :] / rate_weight[:, None]
+        for k in reversed(range(len(tau) - 1)):
+            dt = times[:, k + 1] - times[:, k]
+            gain, cost = _riccati_step(
+                0.5 * (jacobian[:, k] + jacobian[:, k + 1]), dt, cost, rate_weight, bank_weight
+            )
+            if k in node_at:
+                gains[:, :, node_at[k]] = gain
+    return gains
+
+
+def _half(segment, final_time: float) -> float:
+    return segment.half_length[0] + segment.half_length[1] * final_time
+
+
+def _terminal_cost(
+    mission: Mission, states: Array, final_time: Array, settings: GainSettings
+) -> Array:
+    """S_f of Eq. (3), (c, 7, 7)."""
+    from ampi.physics.equations_of_motion import equations_of_motion
+
+    final = states[:, :, -1]
+    rate = np.stack(
+        [r + np.zeros(len(final)) for r in equations_of_motion(mission.flight_model, final.T, 0.0, final_time)],
+        axis=1,
+    )
+    project = np.tile(np.eye(7), (len(final), 1, 1))
+    project[:, :, 3] -= rate / rate[:, 3:4]
+    radius = mission.flight_model.planet.equatorial_radius
+    weight = np.zeros((len(final), 7))
+    weight[:, 0] = 1.0 / settings.altitude_error**2
+    weight[:, 1] = (radius * np.cos(final[:, 2]) / settings.horizontal_miss) ** 2
+    weight[:, 2] = (radius / settings.horizontal_miss) ** 2
+    return project.transpose(0, 2, 1) @ (weight[:, :, None] * project)
+
+
+def _jacobians(
+    mission: Mission, mesh: Mesh, segment, tau: Array, states: Array, final_time: Array
+) -> tuple[Array, Array]:
+    """A (c, k, 7, 7) and times (c, k) at the fine points of a segment."""
+    from ampi.pseudospectral.lagrange import interpolation_matrix
+
+    matrix = interpolation_matrix(segment.rule.nodes, segment.rule.barycentric, tau)
+    dynamics = scaled_dynamics(
+        mission.flight_model, (1.0, 1.0, 1.0), (1.0,) * 7, 1.0, len(tau)
+    )
+    start = segment.start[0] + segment.start[1] * final_time
+    half = segment.half_length[0] + segment.half_length[1] * final_time
+    times = start[:, None] + half[:, None] * (1.0 + tau)
+    jacobian = np.empty((len(states), len(tau), 7, 7))
+    for case, (x, t) in enumerate(zip(states[:, :, segment.nodes], times, strict=True)):
+        jacobian[case] = dynamics.first(matrix @ x.T, np.zeros(len(tau)), t).state_jacobian
+    return jacobian, times
+
+
+def _riccati_step(
+    a: Array, dt: Array, cost: Array, rate_weight: Array, bank_weight: Array
+) -> tuple[Array, Array]:
+    """One backward step of the discrete recursion: (K, S) at the step's begin."""
+    h = dt[:, None, None]
+    squared = a @ a
+    transition = np.eye(7) + h * a + 0.5 * h**2 * squared + h**3 / 6.0 * (squared @ a)
+    # ∫ e^{A s} B ds with B = e_σ: the last column of h (I + hA/2 + h²A²/6)
+    column = (h * np.eye(7) + 0.5 * h**2 * a + h**3 / 6.0 * squared)[:, :, 6]
+    weighted = np.einsum("cij,cj->ci", cost, column)
+    denominator = rate_weight * dt + np.einsum("ci,ci->c", column, weighted)
+    cross = np.einsum("ci,cij->cj", weighted, transition)
+    gain = cross / denominator[:, None]
+    cost = transition.transpose(0, 2, 1) @ cost @ transition
+    cost -= cross[:, :, None] * gain[:, None, :]
+    cost[:, 6, 6] += bank_weight * dt
+    return gain, 0.5 * (cost + cost.transpose(0, 2, 1))

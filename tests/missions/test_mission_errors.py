@@ -1,0 +1,241 @@
+"""Every class of bad input gives a MissionError: the field, what was expected, what came."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from ampi.missions import MissionError, load_mission, shipped_missions
+from ampi.missions.mission import parse_mission
+
+TEXT = load_mission("shefex3").toml
+
+AERODYNAMICS = """model = "modified_newtonian"
+normal_quadratic = 1.83
+normal_linear = 0.15
+axial = 0.045"""
+TABLE = """model = "table"
+angle_of_attack_deg = [10.0, 20.0]
+mach = [5.0, 8.0]
+lift = [[0.4, 0.4], [1.0, 1.0]]
+drag = [[0.1, 0.1], [0.4, 0.4]]"""
+
+
+def altered(*changes: tuple[str, str]) -> str:
+    """The SHEFEX-3 text with each first string, which stands there once, replaced."""
+    text = TEXT
+    for old, new in changes:
+        assert text.count(old) == 1, f"{old!r} stands {text.count(old)} times in the mission"
+        text = text.replace(old, new)
+    return text
+
+
+FAULTS = {
+    "a missing unit": (
+        ("mass_kg = 500.0", "mass = 500.0"),
+        "vehicle: mass: expected a mass with its unit in the key (mass_kg), got mass = 500.0",
+    ),
+    "a missing unit of several": (
+        ("altitude_km = 100.10", "altitude = 100.10"),
+        "entry: altitude: expected a length with its unit in the key "
+        "(altitude_m or altitude_km), got altitude = 100.1",
+    ),
+    "a unit of another dimension": (
+        ("altitude_km = 100.10", "altitude_deg = 100.10"),
+        "entry: altitude: expected a length (altitude_m or altitude_km), got nothing",
+    ),
+    "an unknown unit": (
+        ("mass_kg = 500.0", "mass_lb = 500.0"),
+        "vehicle: mass: expected a mass (mass_kg), got nothing",
+    ),
+    "a double unit": (
+        ("altitude_km = 100.10", "altitude_km = 100.10\naltitude_m = 100100.0"),
+        "entry: altitude: given more than once, as altitude_m and altitude_km",
+    ),
+    "a missing quantity": (
+        ("load_factor_g = 10.0", ""),
+        "limits: load_factor: expected a load factor (load_factor_g), got nothing",
+    ),
+    "a missing number": (
+        ("bank_rate_effort = 1e-5", ""),
+        "objective.bank_rate_effort: Field required",
+    ),
+    "a missing section": (("[target]", "[goal]"), "target: Field required"),
+    "an unknown field": (
+        ("mass_kg = 500.0", "mass_kg = 500.0\ncolour = 3"),
+        "vehicle.colour: Extra inputs are not permitted (got 3)",
+    ),
+    "an unknown section": (("[target]", "[goal]"), "goal: Extra inputs are not permitted"),
+    "nan": (
+        ("mass_kg = 500.0", "mass_kg = nan"),
+        "vehicle.mass: Input should be a finite number (got nan)",
+    ),
+    "inf": (
+        ("speed_m_per_s = 595.0", "speed_m_per_s = inf"),
+        "target.speed: Input should be a finite number (got inf)",
+    ),
+    "a negative mass": (
+        ("mass_kg = 500.0", "mass_kg = -500.0"),
+        "vehicle.mass: Input should be greater than 0 (got -500.0)",
+    ),
+    "a negative weight": (
+        ("altitude_weight_per_m2 = 1e-4", "altitude_weight_per_m2 = -1.0"),
+        "objective.altitude_weight: Input should be greater than or equal to 0 (got -1.0)",
+    ),
+    "an entry above the atmosphere": (
+        ("altitude_km = 100.10", "altitude_km = 130.0"),
+        "entry.altitude: Input should be less than or equal to 120000 (got 130000.0)",
+    ),
+    "no text where text belongs": (
+        ('title = "SHEFEX-3 (surrogate vehicle)"', "title = 3"),
+        "title: Input should be a valid string (got 3)",
+    ),
+    "text where a number belongs": (
+        ("bank_rate_effort = 1e-5", 'bank_rate_effort = "small"'),
+        "objective.bank_rate_effort: Input should be a valid number, unable to parse string as a "
+        "number (got 'small')",
+    ),
+    "a name with a space": (
+        ('name = "shefex3"', 'name = "Shefex 3"'),
+        "name: String should match pattern '^[a-z0-9_]+$' (got 'Shefex 3')",
+    ),
+    "a grid that does not increase": (
+        ("altitude_m = [-250.0, 0.0, 250.0]", "altitude_m = [0.0, -250.0, 250.0]"),
+        "grid: altitude: expected strictly increasing offsets, got [0.0, -250.0, 250.0]",
+    ),
+    "a grid that stands still": (
+        ("altitude_m = [-250.0, 0.0, 250.0]", "altitude_m = [0.0, 0.0]"),
+        "grid: altitude: expected strictly increasing offsets, got [0.0, 0.0]",
+    ),
+    "an empty grid": (
+        ("altitude_m = [-250.0, 0.0, 250.0]", "altitude_m = []"),
+        "grid: altitude: expected strictly increasing offsets, got []",
+    ),
+    "a grid without the nominal": (
+        ("altitude_m = [-250.0, 0.0, 250.0]", "altitude_m = [-250.0, 250.0]"),
+        "grid: altitude: expected an axis that contains 0, the nominal entry state, "
+        "got [-250.0, 250.0] (SI)",
+    ),
+    "nan in a grid": (
+        ("altitude_m = [-250.0, 0.0, 250.0]", "altitude_m = [nan, 0.0]"),
+        "grid.altitude.0: Input should be a finite number (got nan)",
+    ),
+    "a target faster than the entry": (
+        ("speed_m_per_s = 595.0", "speed_m_per_s = 5950.0"),
+        "target.speed (5950 m/s) must be below entry.speed (4712.26 m/s)",
+    ),
+    "a schedule that ends before it starts": (
+        ("end = 88.0", "end = 38.0"),
+        "angle_of_attack: end (38.0) must lie after start (58.0)",
+    ),
+    "a schedule in an unknown variable": (
+        ('variable = "time"', 'variable = "mach"'),
+        "vehicle.angle_of_attack.variable: Input should be 'time' or 'speed' (got 'mach')",
+    ),
+    "unknown aerodynamics": (
+        ('model = "modified_newtonian"', 'model = "newton"'),
+        "vehicle.aerodynamics: Input tag 'newton' found using 'model' does not match any of the "
+        "expected tags: 'modified_newtonian', 'polynomial', 'table'",
+    ),
+    "a table that is too small": (
+        (AERODYNAMICS, TABLE.replace("[[0.4, 0.4], [1.0, 1.0]]", "[[0.4, 0.4]]")),
+        "aerodynamics.lift: expected a table of shape (2, 2) (angle_of_attack × mach), got (1, 2)",
+    ),
+    "an unknown planet": (
+        ('model = "wgs84"', 'model = "mars"'),
+        "planet.model: Input should be 'wgs84' or 'sphere' (got 'mars')",
+    ),
+    "half a sphere": (
+        ('model = "wgs84"', 'model = "sphere"\nradius_km = 6371.0'),
+        "planet: a sphere needs radius_km (or radius_m) and surface_gravity (m/s²)",
+    ),
+    "half an exponential atmosphere": (
+        ('model = "us76"', 'model = "exponential"\nsurface_density = 1.2'),
+        "atmosphere: exponential needs surface_density (kg/m³) and scale_height_m",
+    ),
+    "a phase without segments": (
+        ("end_s = 58.0\ndegrees = [", "end_s = 58.0\nfractions = [0.0]\ndegrees = []\n# ["),
+        "mesh.phase.degrees: expected at least one segment, got none",
+    ),
+    "phases out of order": (
+        ("end_s = 58.0", "end_s = 98.0"),
+        "mesh: phase ends must increase from zero, got [98.0, 88.0] s",
+    ),
+    "a free phase in the middle": (
+        ("end_s = 58.0", ""),
+        "mesh: every phase but the last needs an end time, the last must be free; "
+        "got [None, 88.0, None]",
+    ),
+}
+
+
+@pytest.mark.parametrize("fault", FAULTS)
+def test_a_faulty_field_is_named(fault: str) -> None:
+    change, message = FAULTS[fault]
+    with pytest.raises(MissionError, match=re.escape(message)):
+        parse_mission(altered(change), "trial")
+
+
+def test_every_faulty_field_is_listed_under_the_label() -> None:
+    text = altered(("mass_kg = 500.0", "mass_kg = -1.0"), ("load_factor_g = 10.0", ""))
+    with pytest.raises(MissionError) as caught:
+        parse_mission(text, "trial.toml")
+    lines = str(caught.value).splitlines()
+    assert lines[0] == "trial.toml: 2 faulty field(s)"
+    assert lines[1].strip().startswith("vehicle.mass:")
+    assert lines[2].strip().startswith("limits: load_factor:")
+
+
+def test_an_unknown_name_lists_the_known_ones() -> None:
+    known = ", ".join(shipped_missions())
+    assert "shefex3" in known
+    message = f"mission: expected one of {known} or the path of a .toml file, got 'shefex4'"
+    with pytest.raises(MissionError, match=re.escape(message)):
+        load_mission("shefex4")
+
+
+def test_a_missing_file_is_named(tmp_path: Path) -> None:
+    path = tmp_path / "nowhere.toml"
+    with pytest.raises(MissionError, match=re.escape(f"mission: no file at {path}")):
+        load_mission(path)
+    with pytest.raises(MissionError, match=re.escape(f"mission: no file at {tmp_path}")):
+        load_mission(tmp_path)
+
+
+def test_invalid_toml_names_file_and_line(tmp_path: Path) -> None:
+    path = tmp_path / "broken.toml"
+    path.write_text('name = "x"\ntitle = \n', encoding="utf-8")
+    with pytest.raises(MissionError) as caught:
+        load_mission(path)
+    assert str(caught.value).startswith(f"{path}: not valid TOML: ")
+    assert "line 2" in str(caught.value)
+
+
+def test_a_file_s_faults_open_with_its_path(tmp_path: Path) -> None:
+    path = tmp_path / "light.toml"
+    path.write_text(altered(("mass_kg = 500.0", "mass_kg = 0.0")), encoding="utf-8")
+    with pytest.raises(MissionError, match=re.escape(f"{path}: 1 faulty field(s)")):
+        load_mission(path)
+
+
+def test_a_mission_error_is_a_value_error_without_a_chain() -> None:
+    with pytest.raises(ValueError, match=r"vehicle\.mass") as caught:
+        parse_mission(altered(("mass_kg = 500.0", "mass_kg = -1.0")))
+    assert isinstance(caught.value, MissionError)
+    assert caught.value.__suppress_context__
+
+
+@pytest.mark.parametrize("state", [np.zeros(5), np.full(6, np.nan), np.zeros((6, 1))])
+def test_a_bad_entry_state_is_refused(state: np.ndarray) -> None:
+    with pytest.raises(ValueError, match="entry_state: expected 6 finite numbers"):
+        load_mission("shefex3").with_entry(state)
+
+
+def test_the_alterations_are_what_is_refused() -> None:
+    assert parse_mission(altered(("mass_kg = 500.0", "mass_kg = 501.0"))).vehicle.mass == 501.0
+    mission = parse_mission(altered((AERODYNAMICS, TABLE)))
+    lift, drag = mission.flight_model.vehicle.aerodynamics.coefficients(np.radians(20.0), 5.0)
+    assert (lift, drag) == pytest.approx((1.0, 0.4))

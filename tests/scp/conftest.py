@@ -1,0 +1,57 @@
+"""The SHEFEX-3 problem, its constant-bank flight and its optimum, shared by the solver's tests."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from ampi.missions import Mission, load_mission
+from ampi.scp.guess import ConstantBank, constant_bank_guess, from_trajectory
+from ampi.scp.iterate import Flight, Point, RestorationSettings
+from ampi.scp.problem import OptimalControlProblem
+from ampi.scp.solve import solve
+from ampi.trajectory import Trajectory
+
+GUESS = ConstantBank(np.radians(-30.0))
+
+
+@pytest.fixture(scope="session")
+def mission() -> Mission:
+    """SHEFEX-3 as shipped."""
+    return load_mission("shefex3")
+
+
+@pytest.fixture(scope="session")
+def problem(mission: Mission) -> OptimalControlProblem:
+    """Its scaled problem."""
+    return OptimalControlProblem.from_mission(mission)
+
+
+@pytest.fixture(scope="session")
+def flight(problem: OptimalControlProblem) -> Flight:
+    """Its flight, restored far enough for finite differences."""
+    return Flight.of(problem, RestorationSettings(tolerance=1e-12, corrections=20))
+
+
+@pytest.fixture(scope="session")
+def constant_bank_point(flight: Flight, mission: Mission) -> Point:
+    """The flight at −30° of bank, restored on the mesh."""
+    guess = constant_bank_guess(mission, GUESS)
+    assert guess is not None
+    point = flight.first_point(guess)
+    assert point is not None
+    return point
+
+
+@pytest.fixture(scope="session")
+def nominal(mission: Mission) -> Trajectory:
+    """The optimum from that flight."""
+    return solve(mission, guess=GUESS)
+
+
+@pytest.fixture(scope="session")
+def optimum(flight: Flight, mission: Mission, nominal: Trajectory) -> Point:
+    """The optimum as a point of `flight`."""
+    point = flight.first_point(from_trajectory(nominal, mission))
+    assert point is not None
+    return point

@@ -1,0 +1,78 @@
+"""The verdict on a converged iterate, and the excess of the path limits."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from ampi.scp.convergence import ConvergenceSettings, verdict
+from ampi.scp.penalty import limit_excess
+from ampi.scp.problem import OptimalControlProblem
+from ampi.trajectory import Status
+
+EARTH = 6.378137e6
+NONE = np.zeros(3)
+
+
+def final_state(
+    problem: OptimalControlProblem,
+    east: float = 0.0,
+    north: float = 0.0,
+    up: float = 0.0,
+    faster: float = 0.0,
+) -> np.ndarray:
+    """A scaled final state off the target by metres and m/s."""
+    h, lon, lat, v = problem.target
+    lat = lat + north / EARTH
+    lon = lon + east / (EARTH * np.cos(lat))
+    return np.array([h + up / 1e4, lon, lat, v + faster / 1e3, -0.1, 0.2, 0.3])
+
+
+@pytest.mark.parametrize(
+    ("offset", "status"),
+    [
+        ({}, Status.SOLVED),
+        ({"east": 990.0}, Status.SOLVED),
+        ({"east": -1010.0}, Status.TARGET_MISSED),
+        ({"north": -990.0}, Status.SOLVED),
+        ({"north": 1010.0}, Status.TARGET_MISSED),
+        ({"east": 800.0, "north": 800.0}, Status.TARGET_MISSED),
+        ({"up": 2490.0}, Status.SOLVED),
+        ({"up": -2510.0}, Status.TARGET_MISSED),
+        ({"faster": -24.9}, Status.SOLVED),
+        ({"faster": 25.1}, Status.TARGET_MISSED),
+    ],
+)
+def test_the_target_is_met_within_its_tolerances(
+    problem: OptimalControlProblem, offset: dict[str, float], status: Status
+) -> None:
+    final = final_state(problem, **offset)
+    assert verdict(ConvergenceSettings(), problem, final, NONE) is status
+
+
+@pytest.mark.parametrize("kind", [0, 1, 2])
+def test_an_exceeded_limit_speaks_first(problem: OptimalControlProblem, kind: int) -> None:
+    excess = np.zeros(3)
+    excess[kind] = 1.1e-4
+    far = final_state(problem, up=1e4)
+    assert verdict(ConvergenceSettings(), problem, far, excess) is Status.LIMITS_EXCEEDED
+    assert verdict(ConvergenceSettings(), problem, far, 0.9 * 0.9 * excess) is Status.TARGET_MISSED
+
+
+@settings(deadline=None, max_examples=50)
+@given(seed=st.integers(0, 2**32 - 1))
+def test_excess_is_the_greatest_over_the_nodes(seed: int) -> None:
+    path = np.random.default_rng(seed).uniform(0.0, 1.3, (20, 3))
+    excess = limit_excess(path)
+    for k in range(3):
+        over = [g - 1.0 for g in path[:, k] if g > 1.0]
+        assert excess[k] == pytest.approx(max(over, default=0.0))
+    assert np.all(limit_excess(np.minimum(path, 1.0)) == 0.0)
+
+
+@pytest.mark.parametrize("status", list(Status))
+def test_every_status_has_a_sentence(status: Status) -> None:
+    assert status.sentence.endswith(".")
+    assert status.ok is (status is Status.SOLVED)

@@ -1,0 +1,216 @@
+"""The quadratic model at a point: gradient, Hessian on the tangent space, rows of the limits."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from ampi.missions import Mission
+from ampi.scp.condensing import Iterate
+from ampi.scp.iterate import Flight, Linearised, Point
+from ampi.scp.quadratic_model import (
+    CurvatureSettings,
+    Multipliers,
+    quadratic_subproblem,
+    with_merit,
+)
+from ampi.scp.subproblem import ConvexSubproblem, solve_subproblem
+from ampi.trajectory import Trajectory
+
+Array = NDArray[np.float64]
+STEP = 1e-4
+
+
+@pytest.fixture(scope="module")
+def linearised(flight: Flight, optimum: Point) -> Linearised:
+    return flight.linearise(optimum.iterate)
+
+
+@pytest.fixture(scope="module")
+def multipliers(flight: Flight, optimum: Point) -> Multipliers:
+    """At the optimum, where no limit is active, λ = 2 w e."""
+    zero = Multipliers.zero(flight.problem.mesh.n_nodes)
+    return replace(zero, target=2.0 * flight.problem.target_weights * optimum.target_error)
+
+
+@pytest.fixture(scope="module")
+def convex(
+    flight: Flight, optimum: Point, linearised: Linearised, multipliers: Multipliers
+) -> ConvexSubproblem:
+    return quadratic_subproblem(
+        flight,
+        optimum,
+        linearised,
+        multipliers,
+        gauss_newton=False,
+        settings=CurvatureSettings(screening=0.5),
+    )
+
+
+def moved(flight: Flight, point: Point, linearised: Linearised, z: Array) -> Point:
+    """The flight restored at the controls of z."""
+    here = point.iterate
+    states = here.states + linearised.condensed.state_map @ z
+    restored = flight.restore(
+        Iterate(states, here.bank_rate + z[:-2], here.final_time + 100.0 * z[-2]), None
+    )
+    assert restored is not None
+    return restored
+
+
+def random_directions(n_z: int) -> list[Array]:
+    rng = np.random.default_rng(3)
+    return [*np.eye(n_z)[[0, n_z // 2, n_z - 2, n_z - 1]], *0.1 * rng.normal(size=(3, n_z))]
+
+
+def test_gradient_is_the_slope_of_the_effort(
+    flight: Flight, optimum: Point, linearised: Linearised, convex: ConvexSubproblem
+) -> None:
+    for d in random_directions(len(convex.gradient)):
+        ahead = moved(flight, optimum, linearised, STEP * d).effort
+        behind = moved(flight, optimum, linearised, -STEP * d).effort
+        slope = (ahead - behind) / (2.0 * STEP)
+        assert slope == pytest.approx(convex.gradient @ d, rel=1e-6, abs=1e-6)
+
+
+def test_the_optimum_is_stationary(convex: ConvexSubproblem, multipliers: Multipliers) -> None:
+    # No limit of bank, rate or path is active there: effort and target alone must balance, with
+    # the multiplier 2 w e of the quadratic terminal cost.
+    known = np.linalg.lstsq(convex.target_map.T, -convex.gradient, rcond=None)[0]
+    unbalanced = convex.gradient + convex.target_map.T @ known
+    assert np.abs(unbalanced).max() < 1e-5 * np.abs(convex.gradient).max()
+    assert known == pytest.approx(multipliers.target, rel=1e-2)
+
+
+def test_hessian_on_the_tangent_space_is_that_of_the_lagrangian(
+    flight: Flight,
+    optimum: Point,
+    linearised: Linearised,
+    convex: ConvexSubproblem,
+    multipliers: Multipliers,
+) -> None:
+    # Differences of the effort's and the target's gradient along restored flights.
+    tangent = np.linalg.qr(convex.target_map.T, mode="complete")[0][:, 4:]
+    assert np.abs(convex.target_map @ tangent).max() < 1e-12 * np.abs(convex.target_map).max()
+
+    def gradient(at: Point) -> Array:
+        there = flight.linearise(at.iterate)
+        model = quadratic_subproblem(
+            flight, at, there, multipliers, gauss_newton=True, settings=CurvatureSettings()
+        )
+        return model.gradient + model.target_map.T @ multipliers.target
+
+    for k in (0, 5, 17, 30):
+        d = tangent[:, k]
+        change = gradient(moved(flight, optimum, linearised, STEP * d))
+        change -= gradient(moved(flight, optimum, linearised, -STEP * d))
+        differenced = tangent.T @ change / (2.0 * STEP)
+        product = tangent.T @ convex.hessian @ d
+        assert np.abs(differenced - product).max() < 1e-6 * np.abs(product).max()
+
+
+def test_hessians_are_positive_definite(
+    flight: Flight, constant_bank_point: Point, convex: ConvexSubproblem
+) -> None:
+    there = flight.linearise(constant_bank_point.iterate)
+    rng = np.random.default_rng(0)
+    wild = replace(Multipliers.zero(flight.problem.mesh.n_nodes), target=1e4 * rng.normal(size=4))
+    for gauss_newton in (True, False):
+        other = quadratic_subproblem(
+            flight,
+            constant_bank_point,
+            there,
+            wild,
+            gauss_newton=gauss_newton,
+            settings=CurvatureSettings(),
+        )
+        assert np.linalg.eigvalsh(other.hessian)[0] > 0.0
+    assert np.linalg.eigvalsh(convex.hessian)[0] > 0.0
+
+
+def test_gauss_newton_is_the_effort_alone(flight: Flight, constant_bank_point: Point) -> None:
+    point = constant_bank_point
+    model = quadratic_subproblem(
+        flight,
+        point,
+        flight.linearise(point.iterate),
+        Multipliers.zero(flight.problem.mesh.n_nodes),
+        gauss_newton=True,
+        settings=CurvatureSettings(free_variables=10.0),
+    )
+    z = np.zeros(len(model.gradient))
+    z[:-2] = np.random.default_rng(1).uniform(-0.2, 0.2, len(z) - 2)
+    t, here = flight.transcription, point.iterate
+    effort = flight.problem.effort_weight * t.effort(here.bank_rate + z[:-2], here.final_time)
+    assert point.effort + model.gradient @ z + 0.5 * z @ model.hessian @ z == pytest.approx(effort)
+    diagonal = np.diag(model.hessian)
+    assert diagonal[-2:] == pytest.approx(10.0 * diagonal[:-2].mean())
+
+
+def test_rows_of_the_path_limits(
+    flight: Flight, optimum: Point, linearised: Linearised, convex: ConvexSubproblem
+) -> None:
+    node, kind = convex.path_node, convex.path_kind
+    above = np.nonzero(optimum.path > 0.5)
+    assert len(node) > 5
+    assert np.array_equal(np.stack([node, kind]), np.stack(above))
+    assert convex.path_room == pytest.approx(1.0 - optimum.path[node, kind])
+    for d in random_directions(len(convex.gradient)):
+        ahead = moved(flight, optimum, linearised, STEP * d).path[node, kind]
+        behind = moved(flight, optimum, linearised, -STEP * d).path[node, kind]
+        slope = (ahead - behind) / (2.0 * STEP)
+        linear = convex.path_rows @ d
+        assert slope == pytest.approx(linear, abs=1e-6 * max(1.0, np.abs(linear).max()))
+
+
+def test_rows_of_the_bank_and_its_rate(
+    flight: Flight, optimum: Point, linearised: Linearised, convex: ConvexSubproblem
+) -> None:
+    d = 0.03 * random_directions(len(convex.gradient))[-1]
+    there = moved(flight, optimum, linearised, d)
+    t = flight.transcription
+    rate = t.nodal_rate(there.iterate.bank_rate)
+    assert convex.rate + convex.rate_rows @ d == pytest.approx(rate, abs=1e-11)
+    limit = flight.problem.bank_limit
+    assert optimum.iterate.states[:, 6] + convex.bank_upper == pytest.approx(
+        np.full(len(rate), limit)
+    )
+    assert optimum.iterate.states[:, 6] + convex.bank_lower == pytest.approx(
+        np.full(len(rate), -limit)
+    )
+
+
+def test_merit_tightens_the_bank_box(convex: ConvexSubproblem) -> None:
+    price = np.array([1.0, 2.0, 3.0, 4.0])
+    bounded = with_merit(convex, radius=0.05, price=price, penalty=7.0)
+    assert bounded.bank_upper == pytest.approx(np.minimum(convex.bank_upper, 0.05))
+    assert bounded.bank_lower == pytest.approx(np.maximum(convex.bank_lower, -0.05))
+    assert (bounded.radius, bounded.limit_penalty) == (0.05, 7.0)
+    assert np.array_equal(bounded.target_price, price)
+    assert bounded.hessian is convex.hessian
+
+
+def test_multipliers_are_spread_over_the_nodes(convex: ConvexSubproblem) -> None:
+    bounded = with_merit(convex, radius=1.0, price=np.full(4, 1e4), penalty=1e3)
+    step = solve_subproblem(bounded)
+    step = replace(step, path_multiplier=np.arange(1.0, len(convex.path_room) + 1.0))
+    spread = Multipliers.of(step, bounded)
+    assert spread.limits.shape == (len(convex.rate), 3)
+    assert spread.limits.sum() == pytest.approx(step.path_multiplier.sum())
+    assert spread.limits[convex.path_node[3], convex.path_kind[3]] == 4.0
+    assert np.array_equal(spread.target, step.target_multiplier)
+    assert np.array_equal(spread.bank, step.bank_multiplier)
+
+
+def test_no_step_is_left_at_the_optimum(
+    convex: ConvexSubproblem, nominal: Trajectory, mission: Mission
+) -> None:
+    # Newton's step from the optimum: what convergence left, and nothing more.
+    step = solve_subproblem(with_merit(convex, radius=1.0, price=np.full(4, 1e6), penalty=1e3))
+    assert step.usable
+    assert np.abs(convex.bank_rows @ step.z).max() < 1e-6
+    assert np.abs(convex.bank_rows @ step.z).max() < 1e-3 * nominal.statistics.log[0].step
+    assert mission.limits.bank_angle > np.abs(nominal.states[6]).max()

@@ -1,0 +1,195 @@
+"""Flipped-Radau transcription: exact on polynomials, and true to an independent integrator."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.polynomial import Polynomial
+from numpy.typing import NDArray
+from scipy.integrate import solve_ivp
+
+from ampi.missions import Mission
+from ampi.physics.equations_of_motion import equations_of_motion
+from ampi.pseudospectral.mesh import Mesh, Phase
+from ampi.scp.condensing import Iterate
+from ampi.scp.iterate import Flight, Point
+from ampi.scp.transcription import radau_transcription
+
+Array = NDArray[np.float64]
+laws = settings(deadline=None, max_examples=60)
+final_times = st.floats(120.0, 2000.0)
+seeds = st.integers(0, 2**32 - 1)
+MESH = Mesh((Phase((4, 6), 58.0), Phase((5,), 88.0), Phase((7, 5), None, (0.0, 0.3, 1.0))))
+LOWEST = 4  # degree of the poorest segment
+SCALE = np.array([1e4, 1.0, 1.0, 1e3, 1.0, 1.0, 1.0])
+
+
+def polynomials(seed: int, degree: int, final_time: float, count: int) -> list[Polynomial]:
+    """Random polynomials of time of one degree on [0, t_f]."""
+    rng = np.random.default_rng(seed)
+    domain = [0.0, final_time]
+    return [Polynomial(rng.uniform(-1.0, 1.0, degree + 1), domain=domain) for _ in range(count)]
+
+
+@laws
+@given(seed=seeds, final_time=final_times)
+def test_a_polynomial_motion_leaves_no_residual(seed: int, final_time: float) -> None:
+    t = radau_transcription(MESH)
+    times = t.times(final_time)
+    motion = polynomials(seed, LOWEST, final_time, 7)
+    x = np.stack([p(times) for p in motion], axis=1)
+    rates = np.stack([p.deriv()(times) for p in motion], axis=1)
+    assert np.abs(t.residual(x, rates, final_time)).max() < 1e-11
+    x[-1, 3] += 1e-3
+    assert np.abs(t.residual(x, rates, final_time)).max() > 1e-4
+
+
+@laws
+@given(final_time=final_times)
+def test_a_motion_above_the_degree_leaves_a_residual_in_the_poorest_segments(
+    final_time: float,
+) -> None:
+    t = radau_transcription(MESH)
+    times = t.times(final_time)
+    motion = Polynomial.fromroots([0.3 * final_time] * 6)
+    scale = 1.0 / motion(final_time)
+    x, rates = scale * motion(times), scale * motion.deriv()(times)
+    residual = t.residual(np.tile(x[:, None], 7), np.tile(rates[:, None], 7), final_time)
+    size = [np.abs(residual[s.collocation]).max() for s in MESH.segments]
+    rich = [s.rule.degree >= 6 for s in MESH.segments]
+    for k, exact in enumerate(rich):
+        assert (size[k] < 1e-12) == exact
+
+
+@laws
+@given(seed=seeds, final_time=final_times, degree=st.integers(0, LOWEST - 1))
+def test_effort_of_a_polynomial_rate_is_exact(seed: int, final_time: float, degree: int) -> None:
+    t = radau_transcription(MESH)
+    (rate,) = polynomials(seed, degree, final_time, 1)
+    square = (rate * rate).integ()
+    exact = square(final_time) - square(0.0)
+    got = t.effort(rate(t.times(final_time)[1:]), final_time)
+    assert got == pytest.approx(exact, rel=1e-11)
+    assert t.effort(-2.0 * rate(t.times(final_time)[1:]), final_time) == pytest.approx(4.0 * got)
+
+
+@laws
+@given(seed=seeds, final_time=final_times)
+def test_rate_at_entry_continues_the_first_segment(seed: int, final_time: float) -> None:
+    t = radau_transcription(MESH)
+    (rate,) = polynomials(seed, MESH.segments[0].rule.degree - 1, final_time, 1)
+    times = t.times(final_time)
+    nodal = t.nodal_rate(rate(times[1:]))
+    assert nodal == pytest.approx(rate(times), abs=1e-10)
+    assert len(nodal) == MESH.n_nodes
+
+
+@laws
+@given(final_time=final_times)
+def test_half_lengths_add_up_to_the_flight(final_time: float) -> None:
+    t = radau_transcription(MESH)
+    assert np.sum(t.half_lengths(final_time) * t.weights) == pytest.approx(final_time, rel=1e-13)
+    assert t.times(final_time) == pytest.approx(MESH.times(final_time), rel=1e-15)
+
+
+def test_the_derivative_blocks_are_those_of_the_residual() -> None:
+    t = radau_transcription(MESH)
+    x = np.random.default_rng(1).normal(size=(MESH.n_nodes, 7))
+    residual = t.residual(x, np.zeros_like(x), 700.0)
+    for k, s in enumerate(MESH.segments):
+        inside = x[s.nodes]
+        blocks = t.derivative_kron[k] @ inside[1:].ravel() + t.start_kron[k] @ inside[0]
+        assert blocks.reshape(-1, 7) == pytest.approx(residual[s.collocation], abs=1e-12)
+
+
+def test_the_restored_flight_satisfies_collocation_and_entry(
+    flight: Flight, constant_bank_point: Point
+) -> None:
+    here, t = constant_bank_point.iterate, flight.transcription
+    rates, _ = flight.dynamics.values(
+        here.states, t.nodal_rate(here.bank_rate), t.times(here.final_time)
+    )
+    assert np.abs(t.residual(here.states, rates, here.final_time)).max() < 1e-10
+    assert here.states[0, :6] == pytest.approx(flight.problem.entry, rel=1e-15)
+    assert np.all(here.bank_rate == 0.0)
+    assert here.states[:, 6] == pytest.approx(np.full(len(here.states), np.radians(-30.0)))
+
+
+def test_the_restored_flight_is_the_integrated_one(
+    mission: Mission, constant_bank_point: Point
+) -> None:
+    # DOP853, stopped at the kinks of the angle of attack.
+    here = constant_bank_point.iterate
+    times = mission.pseudospectral_mesh.times(here.final_time)
+    kinks = [0.0, 58.0, 88.0, here.final_time]
+    states = here.states * SCALE
+    x, flown = states[0], [states[0]]
+    for start, end in pairwise(kinks):
+        inside = times[(times > start + 1e-9) & (times < end - 1e-9)]
+        piece = solve_ivp(
+            lambda t, y: equations_of_motion(mission.flight_model, y, 0.0, t),
+            (start, end),
+            x,
+            method="DOP853",
+            t_eval=[*inside, end],
+            rtol=1e-11,
+            atol=1e-11,
+        )
+        assert piece.success
+        flown.extend(piece.y.T)
+        x = piece.y[:, -1]
+    error = np.abs(np.array(flown) - states).max(axis=0)
+    assert error[0] < 10.0  # m
+    assert np.all(6.4e6 * error[1:3] < 10.0)  # m
+    assert error[3] < 0.5  # m/s
+
+
+def test_restoration_is_a_projection(flight: Flight, constant_bank_point: Point) -> None:
+    here = constant_bank_point.iterate
+    again = flight.restore(here, None)
+    assert again is not None
+    assert again.iterate.states == pytest.approx(here.states, abs=1e-11)
+    shake = 1e-3 * np.random.default_rng(3).normal(size=here.states.shape)
+    shaken = Iterate(here.states + shake, here.bank_rate, here.final_time)
+    back = flight.restore(shaken, flight.linearise(here).condensed)
+    assert back is not None
+    entry_bank = shake[0, 6]  # free: the flight keeps the bank angle it was given
+    assert back.iterate.states[:, 6] == pytest.approx(here.states[:, 6] + entry_bank, abs=1e-11)
+    back = flight.restore(
+        Iterate(here.states + shake * (np.arange(7) < 6), here.bank_rate, here.final_time), None
+    )
+    assert back is not None
+    assert back.iterate.states == pytest.approx(here.states, abs=1e-10)
+
+
+def test_evaluation_of_a_point(flight: Flight, optimum: Point, mission: Mission) -> None:
+    here = optimum.iterate
+    rate = here.bank_rate * mission.limits.bank_rate / np.radians(1.0)  # deg/s
+    t = flight.transcription
+    effort = np.sum(t.half_lengths(here.final_time) * t.weights * rate**2)
+    assert optimum.effort == pytest.approx(effort, rel=1e-12)
+    target = mission.target
+    reference = [target.altitude, target.longitude, target.latitude, target.speed]
+    assert optimum.target_error * SCALE[:4] == pytest.approx(
+        here.states[-1, :4] * SCALE[:4] - reference, abs=1e-9
+    )
+    assert optimum.path.shape == (flight.problem.mesh.n_nodes, 3)
+    assert optimum.excess == pytest.approx(np.maximum(optimum.path.max(axis=0) - 1.0, 0.0))
+
+
+@pytest.mark.parametrize("fault", ["not a number", "straight down at the pole"])
+def test_what_cannot_be_restored_is_none(
+    flight: Flight, constant_bank_point: Point, fault: str
+) -> None:
+    states = constant_bank_point.iterate.states.copy()
+    if fault == "not a number":
+        states[10] = np.nan
+    else:
+        states[1:, 2], states[1:, 4] = 3.0, -40.0
+    bad = Iterate(states, constant_bank_point.iterate.bank_rate, 634.0)
+    with np.errstate(all="ignore"):
+        assert flight.restore(bad, None) is None
