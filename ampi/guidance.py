@@ -52,6 +52,10 @@ class Guidance:
         self.table, self.limits, self.mode, self.cycle = table, limits, mode, cycle
         self._generator = ReferenceGenerator(table, mode)
 
+    def __reduce__(self) -> tuple[object, ...]:
+        """Pickled as what it is made from; a worker allocates its own memory."""
+        return _restored, (self.table, self.limits, self.mode, self.cycle)
+
     def in_mode(self, mode: Mode) -> Guidance:
         """The same table flown in another mode."""
         return Guidance(self.table, self.limits, mode, cycle=self.cycle)
@@ -92,6 +96,10 @@ class Guidance:
             health = Health.BAD_NAVIGATION
         rate = float(limited_rate(self.limits, state[6], bank_rate, wanted, self.cycle))
         return BankCommand(rate, float(state[6]) + 0.5 * (bank_rate + rate) * self.cycle, health)
+
+
+def _restored(table: GuidanceTable, limits: BankLimits, mode: Mode, cycle: float) -> Guidance:
+    return Guidance(table, limits, mode, cycle=cycle)
 
 
 def locate(times: Array, time: float) -> tuple[int, float]:

@@ -31,7 +31,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ampi.missions.mission import Mission
-from ampi.pseudospectral.mesh import Mesh
+from ampi.physics.equations_of_motion import equations_of_motion
+from ampi.pseudospectral.lagrange import interpolation_matrix
+from ampi.pseudospectral.mesh import Mesh, Segment
 from ampi.scp.derivatives import scaled_dynamics
 
 Array = NDArray[np.float64]
@@ -59,10 +61,10 @@ def vertex_gains(
     """
     cases, n = len(states), mesh.n_nodes
     gains = np.zeros((cases, 7, n))
-    shortest = float(final_time.max())
+    longest = float(final_time.max())
     fine = [
         np.union1d(
-            np.linspace(-1.0, 1.0, int(np.ceil(2.0 * _half(s, shortest) / STEP)) + 1), s.rule.nodes
+            np.linspace(-1.0, 1.0, int(np.ceil(2.0 * _half(s, longest) / STEP)) + 1), s.rule.nodes
         )
         for s in mesh.segments
     ]
@@ -70,7 +72,7 @@ def vertex_gains(
     rate_weight = 1.0 / (settings.bank_rate**2 * final_time)
     bank_weight = 1.0 / (settings.bank_deviation**2 * final_time)
     for s, tau in zip(reversed(mesh.segments), reversed(fine), strict=True):
-        jacobian, times = _jacobians(mission, mesh, s, tau, states, final_time)
+        jacobian, times = _jacobians(mission, s, tau, states, final_time)
         on_node = np.searchsorted(tau, s.rule.nodes)
         node_at = {int(k): s.nodes.start + j for j, k in enumerate(on_node)}
         if s.nodes.stop == n:
@@ -85,7 +87,7 @@ def vertex_gains(
     return gains
 
 
-def _half(segment, final_time: float) -> float:
+def _half(segment: Segment, final_time: float) -> float:
     return segment.half_length[0] + segment.half_length[1] * final_time
 
 
@@ -93,13 +95,9 @@ def _terminal_cost(
     mission: Mission, states: Array, final_time: Array, settings: GainSettings
 ) -> Array:
     """S_f of Eq. (3), (c, 7, 7)."""
-    from ampi.physics.equations_of_motion import equations_of_motion
-
     final = states[:, :, -1]
-    rate = np.stack(
-        [r + np.zeros(len(final)) for r in equations_of_motion(mission.flight_model, final.T, 0.0, final_time)],
-        axis=1,
-    )
+    no_rate = np.zeros(len(final))
+    rate = np.stack(equations_of_motion(mission.flight_model, final.T, no_rate, final_time), axis=1)
     project = np.tile(np.eye(7), (len(final), 1, 1))
     project[:, :, 3] -= rate / rate[:, 3:4]
     radius = mission.flight_model.planet.equatorial_radius
@@ -111,15 +109,11 @@ def _terminal_cost(
 
 
 def _jacobians(
-    mission: Mission, mesh: Mesh, segment, tau: Array, states: Array, final_time: Array
+    mission: Mission, segment: Segment, tau: Array, states: Array, final_time: Array
 ) -> tuple[Array, Array]:
     """A (c, k, 7, 7) and times (c, k) at the fine points of a segment."""
-    from ampi.pseudospectral.lagrange import interpolation_matrix
-
     matrix = interpolation_matrix(segment.rule.nodes, segment.rule.barycentric, tau)
-    dynamics = scaled_dynamics(
-        mission.flight_model, (1.0, 1.0, 1.0), (1.0,) * 7, 1.0, len(tau)
-    )
+    dynamics = scaled_dynamics(mission.flight_model, (1.0, 1.0, 1.0), (1.0,) * 7, 1.0, len(tau))
     start = segment.start[0] + segment.start[1] * final_time
     half = segment.half_length[0] + segment.half_length[1] * final_time
     times = start[:, None] + half[:, None] * (1.0 + tau)

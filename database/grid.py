@@ -34,9 +34,7 @@ class Grid:
         """The grid that the mission file declares."""
         axes = mission.grid_axes
         nominal = mission.entry_state
-        centre = tuple(
-            int(np.argmin(np.abs(a - x))) for a, x in zip(axes, nominal, strict=True)
-        )
+        centre = tuple(int(np.argmin(np.abs(a - x))) for a, x in zip(axes, nominal, strict=True))
         return cls(ENTRY_STATES, axes, centre)
 
     @property

@@ -18,7 +18,6 @@ from pathlib import Path
 import numpy as np
 from joblib import Parallel, delayed
 from numpy.typing import NDArray
-from threadpoolctl import threadpool_limits
 
 from ampi.missions.mission import Mission, parse_mission
 from ampi.scp.solve import solve
@@ -66,7 +65,7 @@ def save_record(folder: Path, record: CaseRecord) -> None:
         )
         file.flush()
         os.fsync(file.fileno())
-    os.replace(temporary, target)
+    temporary.replace(target)
 
 
 def load_record(folder: Path, case: int, mission: Mission) -> CaseRecord | None:
@@ -104,8 +103,7 @@ def solve_case(toml: str, folder: str, planned: PlannedCase) -> int:
     began = time.perf_counter()
     mission, grid = _mission_and_grid(toml)
     try:
-        with threadpool_limits(limits=1):
-            trajectory, solves, message = _attempts(mission, grid, Path(folder), planned)
+        trajectory, solves, message = _attempts(mission, grid, Path(folder), planned)
     except Exception:  # whatever it was, it belongs in the record, not in the driver
         n = mission.pseudospectral_mesh.n_nodes
         nan = np.full((7, n), np.nan)
@@ -113,9 +111,7 @@ def solve_case(toml: str, folder: str, planned: PlannedCase) -> int:
             mission.pseudospectral_mesh, nan, nan[0], np.nan, np.nan, Status.ERROR
         )
         solves, message = 0, traceback.format_exc()
-    record = CaseRecord(
-        planned.case, trajectory, message, solves, time.perf_counter() - began
-    )
+    record = CaseRecord(planned.case, trajectory, message, solves, time.perf_counter() - began)
     save_record(Path(folder), record)
     return planned.case
 
@@ -175,7 +171,7 @@ def write_fingerprint(folder: Path, fingerprint: dict[str, str]) -> None:
     """Mark a folder of records with what made it."""
     temporary = folder / "build.json.tmp"
     temporary.write_text(json.dumps(fingerprint, indent=1, sort_keys=True), encoding="utf-8")
-    os.replace(temporary, folder / "build.json")
+    temporary.replace(folder / "build.json")
 
 
 def read_fingerprint(folder: Path) -> dict[str, str] | None:

@@ -1,1 +1,1 @@
-"""What flies, first half: entry state → Reference. numpy alone; reads no file; never raises in flight."""
+"""What flies, first half: entry state → Reference. numpy alone; no files; no exceptions in flight."""

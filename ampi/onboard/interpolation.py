@@ -33,9 +33,7 @@ class TensorProductInterpolator:
         weights
             (d, ≥ k), from `select_subspace`.
         """
-        window = tuple(
-            slice(i, i + k) for i, k in zip(first, self.widths, strict=True)
-        )
+        window = tuple(slice(i, i + k) for i, k in zip(first, self.widths, strict=True))
         current: Array = self.values[window]
         for axis, width in enumerate(self.widths):
             out, term = self._partial[axis], self._term[axis]

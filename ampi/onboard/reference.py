@@ -1,7 +1,7 @@
 """From the measured entry state to the reference of this entry: AMPI, online part.
 
-    subspace (Algorithm 1) → interpolation (Algorithm 2) → LD→HD, T̃_HD = T_LD P_FRP (Eq. (31)) and
-    t̃ = a + b t_f (Eq. (33), phase by phase)
+subspace (Algorithm 1) → interpolation (Algorithm 2) → LD→HD, T̃_HD = T_LD P_FRP (Eq. (31)) and
+t̃ = a + b t_f (Eq. (33), phase by phase)
 """
 
 from __future__ import annotations
@@ -81,6 +81,11 @@ class ReferenceGenerator:
         self._low = np.zeros((N_ROWS, n))
         self._high = np.zeros((N_ROWS, m))
         self._times = np.zeros(m)
+
+    @property
+    def nodal_values(self) -> Array:
+        """Low-density rows (15, n) of the last reference, before the conversion."""
+        return self._low
 
     def reference(self, entry_state: ArrayLike) -> Reference:
         """Reference for a measured entry state (h, θ, φ, V, γ, ψ; m, rad, m/s)."""

@@ -33,7 +33,7 @@ def select_subspace(axis: Array, parameter: float, order: int, weights: Array) -
     n = len(axis)
     k = min(order, n)
     inside = min(max(parameter, axis[0]), axis[-1])  # NaN compares false: yields axis[0]
-    clipped = not inside == parameter
+    clipped = bool(inside != parameter)
     if parameter != parameter:
         inside = axis[n // 2]
     below = 0

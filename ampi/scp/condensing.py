@@ -14,7 +14,8 @@ Hessian of the Lagrangian  L = J + Σ μᵀR + Σ νᵀg  is reduced to z:
     H = Zᵀ ∇²L Z = Σ_i J_iᵀ W_i J_i + r eᵀ + e rᵀ + cost terms,                  (3)
 
 J_i = [Z_i; b_i eᵀ] the map of z to (x, t) at node i, e the unit vector of δt_f, W_i the Hessian of
-−h μᵀf + νᵀg over (x, t), and r the coupling of t_f through h(t_f): r = −Σ β μᵀ(A δx + B δu + b f_t δt_f).
+−h μᵀf + νᵀg over (x, t), and r the coupling of t_f through h(t_f):
+r = −Σ β μᵀ(A δx + B δu + b f_t δt_f).
 """
 
 from __future__ import annotations
@@ -102,9 +103,10 @@ class CondensedDynamics:
         along_state = np.einsum("ij,ijk->ik", weighted, d.state_jacobian[1:])
         coupling = along_state.ravel() @ self.state_map[1:].reshape(-1, n_z)
         coupling[: n - 1] += weighted[:, BANK] * self.rate_scale  # B: the bank row alone
-        coupling[time_column] += float(
-            np.sum(weighted * d.time_derivative[1:] * t.node_free[1:, None])
-        ) * self.final_time_scale
+        coupling[time_column] += (
+            float(np.sum(weighted * d.time_derivative[1:] * t.node_free[1:, None]))
+            * self.final_time_scale
+        )
         hessian[time_column] += coupling
         hessian[:, time_column] += coupling
         return hessian

@@ -6,11 +6,9 @@ call evaluates all nodes, reading and writing numpy memory directly.
 
 from __future__ import annotations
 
-import os
 from dataclasses import dataclass
 from functools import lru_cache
-
-os.environ.setdefault("OMP_NUM_THREADS", "1")
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -98,17 +96,19 @@ class ScaledDynamics:
 class _Buffered:
     """A mapped CasADi function bound to numpy buffers; node-major, so (n, columns, rows)."""
 
-    def __init__(self, function: ca.Function, n: int) -> None:
+    def __init__(self, function: Any, n: int) -> None:
         self._buffer, self._evaluate = function.buffer()
-        self._inputs = [np.zeros((n, function.size1_in(i))) for i in range(function.n_in())]
-        self._outputs = [
+        self._inputs: list[Array] = [
+            np.zeros((n, function.size1_in(i))) for i in range(function.n_in())
+        ]
+        self._outputs: list[Array] = [
             np.zeros((n, function.size2_out(i) // n, function.size1_out(i)))
             for i in range(function.n_out())
         ]
         for i, array in enumerate(self._inputs):
-            self._buffer.set_arg(i, memoryview(array))
+            self._buffer.set_arg(i, array.data)
         for i, array in enumerate(self._outputs):
-            self._buffer.set_res(i, memoryview(array))
+            self._buffer.set_res(i, array.data)
 
     def __call__(self, *arguments: Array) -> list[Array]:
         for stored, given in zip(self._inputs, arguments, strict=True):

@@ -54,7 +54,9 @@ class OptimalControlProblem:
     bank_rate_limit: float  # rad/s
 
     @classmethod
-    def from_mission(cls, mission: Mission, scaling: Scaling | None = None) -> OptimalControlProblem:
+    def from_mission(
+        cls, mission: Mission, scaling: Scaling | None = None
+    ) -> OptimalControlProblem:
         """Scale a mission's problem."""
         scaling = scaling or Scaling()
         scale = np.array(scaling.states)

@@ -21,9 +21,11 @@ from __future__ import annotations
 
 import time
 from dataclasses import dataclass, field
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
+from threadpoolctl import ThreadpoolController
 
 from ampi.missions.mission import Mission
 from ampi.scp.condensing import CondensedDynamics, Iterate
@@ -86,7 +88,13 @@ def solve(
     problem = OptimalControlProblem.from_mission(mission)
     start = guess if guess is not None else default_guess(mission)
     nodal = None if start is None else nodal_guess(mission, start)
-    return _Solve(problem, settings).run(nodal, warm=isinstance(guess, Trajectory))
+    with _blas().limit(limits=1):  # measured: threads more than double the time of small matrices
+        return _Solve(problem, settings).run(nodal, warm=isinstance(guess, Trajectory))
+
+
+@lru_cache(maxsize=1)
+def _blas() -> ThreadpoolController:
+    return ThreadpoolController()
 
 
 @dataclass(eq=False)
@@ -169,9 +177,7 @@ class _Solve:
             scale = np.array(problem.scaling.states)
             error = problem.target_error(neighbour.states[-1] / scale)
             known = 2.0 * problem.target_weights * error
-            self.multipliers = Multipliers(
-                known, self.multipliers.limits, self.multipliers.bank
-            )
+            self.multipliers = Multipliers(known, self.multipliers.limits, self.multipliers.bank)
         model = self.model(point, neighbour is None)
         effort = problem.reference_effort(point.iterate.final_time)
         condensed, convex = model
@@ -183,9 +189,7 @@ class _Solve:
         self.penalty = settings.penalty.initial * effort
         return model
 
-    def model(
-        self, point: Point, gauss_newton: bool
-    ) -> tuple[CondensedDynamics, ConvexSubproblem]:
+    def model(self, point: Point, gauss_newton: bool) -> tuple[CondensedDynamics, ConvexSubproblem]:
         """Linearise and condense at `point`, and build the quadratic model."""
         linearised = self.flight.linearise(point.iterate)
         convex = quadratic_subproblem(
@@ -206,7 +210,7 @@ class _Solve:
         if not first.step.usable:
             return first, np.inf, -1.0
         z = first.step.z
-        size = float(max(np.abs(convex.bank_rows @ z).max(), abs(z[-2])))
+        size = max(float(np.abs(convex.bank_rows @ z).max()), abs(float(z[-2])))
         predicted = self.merit(point) - (
             point.effort
             + 0.5 * z @ convex.hessian @ z
@@ -220,11 +224,7 @@ class _Solve:
         )
         best = first
         worth_correcting = first.reduction < 0.9 * predicted
-        if (
-            first.point is not None
-            and worth_correcting
-            and size > self.settings.convergence.step
-        ):
+        if first.point is not None and worth_correcting and size > self.settings.convergence.step:
             shifted = first.point.target_error - convex.target_map @ z
             second = self.candidate(point, condensed, convex.with_target_error(shifted))
             if second.step.usable and second.reduction > first.reduction:
@@ -233,7 +233,7 @@ class _Solve:
         noise = 1e-10 * max(1.0, abs(self.merit(point)))
         if best.point is not None and abs(predicted) < noise and abs(best.reduction) < noise:
             return best, size, 1.0
-        return best, size, best.reduction / max(predicted, noise)
+        return best, size, best.reduction / max(float(predicted), noise)
 
     def candidate(
         self, point: Point, condensed: CondensedDynamics, convex: ConvexSubproblem

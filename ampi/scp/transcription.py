@@ -68,7 +68,6 @@ def radau_transcription(mesh: Mesh) -> RadauTranscription:
     fixed, free = mesh.node_time
     segments = mesh.segments
     count = [s.rule.degree for s in segments]
-    identity = np.eye(N_STATES)
     first = segments[0].rule
     inner = first.nodes[1:]
     return RadauTranscription(
@@ -78,7 +77,11 @@ def radau_transcription(mesh: Mesh) -> RadauTranscription:
         half_fixed=np.repeat([s.half_length[0] for s in segments], count),
         half_free=np.repeat([s.half_length[1] for s in segments], count),
         weights=np.concatenate([s.rule.weights for s in segments]),
-        derivative_kron=tuple(np.kron(s.rule.derivative[:, 1:], identity) for s in segments),
-        start_kron=tuple(np.kron(s.rule.derivative[:, :1], identity) for s in segments),
+        derivative_kron=tuple(_kron(s.rule.derivative[:, 1:]) for s in segments),
+        start_kron=tuple(_kron(s.rule.derivative[:, :1]) for s in segments),
         entry_rate=interpolation_matrix(inner, barycentric_weights(inner), [-1.0])[0],
     )
+
+
+def _kron(matrix: Array) -> Array:
+    return np.asarray(np.kron(matrix, np.eye(N_STATES)), dtype=np.float64)

@@ -22,7 +22,9 @@ from ampi.tracking.linear_quadratic import bank_rate_command
 
 Array = NDArray[np.float64]
 
-LONGEST = 2.0  # times the reference's final time: a flight that takes longer is a record, not a hang
+LONGEST = (
+    2.0  # times the reference's final time: a flight that takes longer is a record, not a hang
+)
 
 
 class FlightStatus(IntEnum):
@@ -96,7 +98,9 @@ def fly_batch(
         ahead = _rk4(model, x, rate, new_rate, time, cycle)
         ended = flying & ~(ahead[3] > mission.target.speed)
         if ended.any():
-            _finish(mission, ended, x, ahead, rate, new_rate, time, cycle, final, final_time, status)
+            _finish(
+                mission, ended, x, ahead, rate, new_rate, time, cycle, final, final_time, status
+            )
         grounded = flying & ~ended & (ahead[0] < 0.0)
         final[grounded], final_time[grounded] = ahead[:, grounded].T, time + cycle
         status[grounded] = int(FlightStatus.GROUND)
@@ -139,7 +143,9 @@ def _look_up(
     return rows[:7].copy(), rows[7], rows[8:]
 
 
-def _rk4(model: FlightModel, x: Array, rate: Array, new_rate: Array, time: float, h: float) -> Array:
+def _rk4(
+    model: FlightModel, x: Array, rate: Array, new_rate: Array, time: float, h: float
+) -> Array:
     """One step with σ̇ linear from `rate` to `new_rate`."""
     middle = 0.5 * (rate + new_rate)
 

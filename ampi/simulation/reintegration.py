@@ -24,6 +24,7 @@ from ampi.physics.path_constraints import path_constraints
 from ampi.physics.planet import great_circle_distance
 from ampi.pseudospectral.lagrange import interpolation_matrix
 from ampi.pseudospectral.mesh import Mesh
+from ampi.pseudospectral.radau import FlippedRadau
 from ampi.trajectory import Trajectory
 
 Array = NDArray[np.float64]
@@ -103,7 +104,13 @@ def reintegrate_many(
 
 
 def _integrate_segment(
-    mission: Mission, rule, bank: Array, state: Array, start: Array, half: Array, tau: Array
+    mission: Mission,
+    rule: FlippedRadau,
+    bank: Array,
+    state: Array,
+    start: Array,
+    half: Array,
+    tau: Array,
 ) -> Array:
     """States (c, 7, k) at `tau` of one segment, from `state` (6, c)."""
     model, cases = mission.flight_model, len(start)

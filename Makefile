@@ -1,0 +1,57 @@
+# Two commands for newcomers: `make demo` and `make test`. Each sets everything up by itself.
+PYTHON ?= python3
+VENV ?= .venv
+BIN = $(VENV)/bin
+# One BLAS thread per process: the matrices are small, and the workers are processes.
+export OMP_NUM_THREADS = 1
+export OPENBLAS_NUM_THREADS = 1
+
+.PHONY: demo test lint types contracts check benchmark wheel lock clean
+
+demo: $(VENV)/.demo
+	mkdir -p demo
+	$(BIN)/ampi build shefex3 demo/shefex3.h5
+	$(BIN)/ampi fly demo/shefex3.h5 --flights 1000 --output demo/flights.npz
+	$(BIN)/ampi report demo/shefex3.h5 demo/flights.npz --output demo/report.html
+
+test: $(VENV)/.test
+	$(BIN)/python -m pytest
+
+lint: $(VENV)/.test
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+
+types: $(VENV)/.test
+	$(BIN)/mypy
+
+contracts: $(VENV)/.test
+	$(BIN)/lint-imports
+
+check: lint types contracts test
+
+benchmark: $(VENV)/.test
+	$(BIN)/python scripts/benchmark.py --readme README.md
+
+wheel: $(VENV)/.test
+	$(BIN)/pip wheel --no-deps --wheel-dir dist .
+
+# Pins every version that was tested together. Run on purpose, read the difference, commit it.
+lock:
+	rm -rf .lock-venv && $(PYTHON) -m venv .lock-venv
+	.lock-venv/bin/pip install --quiet '.[report,test,lint,cluster]'
+	.lock-venv/bin/pip freeze --exclude ampi --exclude-editable | grep -v ' @ ' > constraints.txt
+	rm -rf .lock-venv build
+
+$(VENV)/bin/python:
+	$(PYTHON) -m venv $(VENV)
+
+$(VENV)/.demo: $(VENV)/bin/python pyproject.toml constraints.txt
+	$(BIN)/pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[report]'
+	touch $@
+
+$(VENV)/.test: $(VENV)/bin/python pyproject.toml constraints.txt
+	$(BIN)/pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[test,lint]'
+	touch $@
+
+clean:
+	rm -rf $(VENV) demo dist build *.egg-info

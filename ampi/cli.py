@@ -1,0 +1,390 @@
+"""The command line `ampi`: parse, hand over, print. The only room that may import everything."""
+
+from __future__ import annotations
+
+import csv
+import json
+import os
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+import typer
+from rich.console import Console
+from rich.table import Table
+
+from ampi.missions.mission import ENTRY_STATES, Mission, load_mission
+from ampi.progress import progress
+from ampi.trajectory import Trajectory
+
+app = typer.Typer(
+    help="Entry guidance from a database of optimal trajectories.",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+)
+out = Console(highlight=False, soft_wrap=True)
+error_out = Console(stderr=True, highlight=False, soft_wrap=True)
+
+Jobs = Annotated[int, typer.Option("--jobs", "-j", min=1, help="Worker processes.")]
+Json = Annotated[bool, typer.Option("--json", help="Print numbers as JSON.")]
+MissionArgument = Annotated[str, typer.Argument(help="Name of a shipped mission, or a .toml file.")]
+DatabaseArgument = Annotated[Path, typer.Argument(help="Trajectory database (.h5).")]
+CORES = os.cpu_count() or 1
+
+
+@contextmanager
+def _told() -> Iterator[None]:
+    """Misuse and bad files end in one clear sentence, not in a traceback."""
+    try:
+        yield
+    except (ValueError, FileNotFoundError, PermissionError) as error:
+        error_out.print(f"[bold red]error:[/] {_escaped(error)}")
+        raise typer.Exit(2) from None
+
+
+def _escaped(value: object) -> str:
+    return str(value).replace("[", "\\[")
+
+
+def _print_json(value: Any) -> None:
+    sys.stdout.write(json.dumps(value, indent=1, default=float) + "\n")
+
+
+@app.command()
+def missions() -> None:
+    """List the shipped missions."""
+    from ampi.missions.mission import shipped_missions
+
+    for name in shipped_missions():
+        out.print(f"{name:16} {load_mission(name).title}")
+
+
+@app.command()
+def solve(
+    mission: MissionArgument,
+    bank_angle: Annotated[
+        float | None, typer.Option(help="Constant bank angle of the first guess (deg).")
+    ] = None,
+    table: Annotated[Path | None, typer.Option("--csv", help="Write the nodes as CSV.")] = None,
+    plot: Annotated[Path | None, typer.Option(help="Draw the trajectory (PNG, PDF, SVG).")] = None,
+    as_json: Json = False,
+) -> None:
+    """Solve a mission's optimal control problem once."""
+    from ampi.scp.guess import ConstantBank
+    from ampi.scp.solve import solve as solve_mission
+    from ampi.simulation.reintegration import reintegrate
+
+    with _told():
+        loaded = load_mission(mission)
+        guess = None if bank_angle is None else ConstantBank(float(np.radians(bank_angle)))
+        optimum = solve_mission(loaded, guess=guess)
+        summary = optimum.summary()
+        if np.isfinite(optimum.final_time):
+            check = reintegrate(loaded, optimum)
+            summary["reintegrated_position_error_m"] = float(check.position_error[0])
+            summary["reintegrated_altitude_error_m"] = float(check.altitude_error[0])
+            summary["reintegrated_speed_error_m_per_s"] = float(check.speed_error[0])
+            _write_trajectory(loaded, optimum, table, plot)
+    if as_json:
+        _print_json(summary)
+    else:
+        out.print(_convergence_table(optimum))
+        out.print(optimum.status.sentence)
+        for key, value in summary.items():
+            out.print(
+                f"  {key:34} {value:.8g}" if not isinstance(value, str) else f"  {key:34} {value}"
+            )
+    if not optimum.status.ok:
+        raise typer.Exit(1)
+
+
+def _convergence_table(optimum: Trajectory) -> Table:
+    table = Table(
+        "iteration", "cost", "step [deg]", "t_f [s]", "radius [deg]", "ratio", "step kept"
+    )
+    for row in optimum.statistics.log:
+        table.add_row(
+            str(row.iteration),
+            f"{row.cost:.6g}",
+            f"{np.degrees(row.step):.2e}",
+            f"{row.final_time:.2f}",
+            f"{np.degrees(row.trust_radius):.3g}",
+            f"{row.ratio:.3f}",
+            "yes" if row.accepted else "no",
+        )
+    return table
+
+
+def _write_trajectory(
+    mission: Mission, optimum: Trajectory, table: Path | None, plot: Path | None
+) -> None:
+    if table is not None:
+        _write_csv(table, optimum.times, optimum.states, optimum.bank_rate)
+    if plot is not None:
+        from ampi.report.single import trajectory_figure
+
+        trajectory_figure(mission, optimum).savefig(plot, dpi=130)
+
+
+def _write_csv(path: Path, times: Any, states: Any, bank_rate: Any) -> None:
+    header = [
+        "time_s",
+        "altitude_m",
+        "longitude_deg",
+        "latitude_deg",
+        "speed_m_per_s",
+        "flight_path_angle_deg",
+        "azimuth_deg",
+        "bank_angle_deg",
+        "bank_rate_deg_per_s",
+    ]
+    degrees = states.copy()
+    degrees[[1, 2, 4, 5, 6]] = np.degrees(degrees[[1, 2, 4, 5, 6]])
+    with path.open("w", newline="", encoding="utf-8") as file:
+        writer = csv.writer(file)
+        writer.writerow(header)
+        for i, t in enumerate(times):
+            row = [t, *degrees[:, i], np.degrees(bank_rate[i])]
+            writer.writerow([f"{value:.10g}" for value in row])
+
+
+@app.command()
+def build(
+    mission: MissionArgument,
+    path: Annotated[Path, typer.Argument(help="HDF5 file to write.")],
+    jobs: Jobs = CORES,
+    as_json: Json = False,
+) -> None:
+    """Solve a mission's whole grid and write the trajectory database. Run again to resume."""
+    import database
+    from ampi.dataset import partial_folder
+    from database.grid import Grid
+
+    with _told():
+        loaded = load_mission(mission)
+        try:
+            with progress("solving", Grid.from_mission(loaded).size) as advance:
+                report = database.build(loaded, path, n_jobs=jobs, advance=advance)
+        except KeyboardInterrupt:
+            kept = len(list(partial_folder(path).glob("case_*.npz")))
+            error_out.print(
+                f"Interrupted: {kept} solved cases are kept in {partial_folder(path)}. "
+                f"To continue: ampi build {mission} {path}"
+            )
+            raise typer.Exit(130) from None
+    if as_json:
+        _print_json({k: str(v) if isinstance(v, Path) else v for k, v in vars(report).items()})
+    else:
+        out.print(
+            f"{report.path}: {report.solved} of {report.cases} cases solved in "
+            f"{report.seconds:.1f} s ({report.resumed} found solved), "
+            f"{report.median_iterations:.0f} iterations in the median, {report.worst_iterations} at "
+            f"most; re-integrated position error at most {report.worst_position_error:.1f} m, "
+            f"limits used to {100 * report.worst_limit:.1f} %"
+        )
+        for failure in report.failures:
+            error_out.print(f"not solved: {_escaped(failure)}")
+    if report.solved < report.cases:
+        raise typer.Exit(1)
+
+
+@app.command()
+def audit(
+    path: DatabaseArgument,
+    probes: Annotated[int, typer.Option(min=0, help="Random points to solve.")] = 100,
+    seed: Annotated[int, typer.Option(help="Seed of the random points.")] = 2016,
+    jobs: Jobs = CORES,
+    as_json: Json = False,
+) -> None:
+    """Re-integrate every case, check the limits between nodes, measure the interpolation error."""
+    from ampi.dataset import read_dataset
+    from database.audit import audit as audit_dataset
+
+    with _told():
+        dataset = read_dataset(path)
+        with progress("auditing", int(dataset.solved.sum()) + probes) as advance:
+            report = audit_dataset(dataset, probes=probes, seed=seed, n_jobs=jobs, advance=advance)
+    if as_json:
+        _print_json(report.as_dict())
+        return
+    statuses = ", ".join(f"{n} {name.lower()}" for name, n in report.statuses.items())
+    out.print(f"{path}: {report.cases} cases: {statuses}")
+    truth = Table("against re-integration (DOP853)", "median", "90 %", "worst")
+    for label, q in (
+        ("position [m]", report.position_error),
+        ("altitude [m]", report.altitude_error),
+        ("speed [m/s]", report.speed_error),
+    ):
+        truth.add_row(label, f"{q.median:.3g}", f"{q.percentile_90:.3g}", f"{q.worst:.3g}")
+    out.print(truth)
+    for name, value in report.limits.items():
+        out.print(
+            f"  greatest {name.replace('_', ' ')} between the nodes: {100 * value:.1f} % of its limit"
+        )
+    if report.probes:
+        out.print(_interpolation_table(report))
+    if report.unsolved_probes:
+        out.print(f"{report.unsolved_probes} of {report.probes} probes could not be solved")
+
+
+def _interpolation_table(report: Any) -> Table:
+    table = Table(
+        f"interpolation, 90 % of {report.probes} points",
+        "altitude [m]",
+        "speed [m/s]",
+        "bank [deg]",
+        "t_f [s]",
+        "open-loop miss [km]",
+    )
+    for mode, columns in report.interpolation.items():
+        table.add_row(mode, *(f"{q.percentile_90:.3g}" for q in columns.values()))
+    return table
+
+
+def _entry_option(unit: str) -> Any:
+    return typer.Option(help=f"Measured at the entry interface ({unit}); nominal if not given.")
+
+
+@app.command()
+def guide(
+    path: DatabaseArgument,
+    altitude_km: Annotated[float | None, _entry_option("km")] = None,
+    longitude_deg: Annotated[float | None, _entry_option("deg")] = None,
+    latitude_deg: Annotated[float | None, _entry_option("deg")] = None,
+    speed: Annotated[float | None, _entry_option("m/s")] = None,
+    flight_path_angle_deg: Annotated[float | None, _entry_option("deg")] = None,
+    azimuth_deg: Annotated[float | None, _entry_option("deg")] = None,
+    mode: Annotated[str, typer.Option(help="ampi, mpi, quadratic or nominal.")] = "ampi",
+    table: Annotated[Path | None, typer.Option("--csv", help="Write the reference as CSV.")] = None,
+    plot: Annotated[Path | None, typer.Option(help="Draw it (PNG, PDF, SVG).")] = None,
+) -> None:
+    """One entry state → the reference that the tracker flies."""
+    from ampi.dataset import read_dataset
+    from ampi.loading import load_guidance
+
+    with _told():
+        loaded = read_dataset(path).mission
+        entry = loaded.entry_state.copy()
+        given = (
+            altitude_km,
+            longitude_deg,
+            latitude_deg,
+            speed,
+            flight_path_angle_deg,
+            azimuth_deg,
+        )
+        factors = (1e3, np.pi / 180, np.pi / 180, 1.0, np.pi / 180, np.pi / 180)
+        for i, (value, factor) in enumerate(zip(given, factors, strict=True)):
+            entry[i] = entry[i] if value is None else value * factor
+        reference = load_guidance(path, mode=mode).reference(entry)
+        if table is not None:
+            _write_csv(table, reference.times, reference.states, reference.bank_rate)
+        if plot is not None:
+            from ampi.report.single import reference_figure
+
+            reference_figure(loaded, reference).savefig(plot, dpi=130)
+    outside = [n for n, c in zip(ENTRY_STATES, reference.clipped, strict=True) if c]
+    cell = ", ".join(str(i) for i in reference.cell)
+    out.print(
+        f"cell ({cell}), final time {reference.final_time:.2f} s, bank angle at entry "
+        f"{np.degrees(reference.states[6, 0]):.2f} deg"
+    )
+    if outside:
+        out.print(f"outside the hypercube in {', '.join(outside)}: boundary trajectory")
+
+
+@app.command()
+def fly(
+    path: DatabaseArgument,
+    n: Annotated[int, typer.Option("-n", "--flights", min=1, help="Flights per mode.")] = 1000,
+    modes: Annotated[
+        str, typer.Option(help="Comma-separated: nominal, mpi, ampi, quadratic.")
+    ] = "nominal,mpi,ampi,quadratic",
+    seed: Annotated[int, typer.Option(help="Seed of the campaign.")] = 2016,
+    distribution: Annotated[str, typer.Option(help="normal, uniform or corners.")] = "normal",
+    output: Annotated[Path | None, typer.Option(help="Keep the flights (.npz) for report.")] = None,
+    jobs: Jobs = CORES,
+    as_json: Json = False,
+) -> None:
+    """Fly closed-loop entries, the same draws in every mode, and give the verdict."""
+    from ampi.dataset import read_dataset
+    from ampi.loading import load_guidance
+    from ampi.onboard.reference import Mode
+    from ampi.report.text import verdict_text
+    from ampi.simulation.dispersions import Dispersions, Distribution
+    from ampi.simulation.monte_carlo import fly as fly_campaign
+    from ampi.simulation.monte_carlo import save_campaigns
+    from ampi.simulation.statistics import judge
+
+    with _told():
+        mission = read_dataset(path).mission
+        guidance = load_guidance(path)
+        chosen = [Mode(name.strip()) for name in modes.split(",")]
+        dispersions = Dispersions.from_mission(mission, Distribution(distribution))
+        campaigns = {}
+        with progress("flying", n * len(chosen)) as advance:
+            for mode in chosen:
+                campaigns[mode.value] = fly_campaign(
+                    mission,
+                    guidance.in_mode(mode),
+                    dispersions,
+                    n,
+                    seed=seed,
+                    n_jobs=jobs,
+                    advance=advance,
+                )
+        if output is not None:
+            save_campaigns(output, campaigns)
+    if as_json:
+        _print_json({name: judge(flights).as_dict() for name, flights in campaigns.items()})
+    else:
+        sys.stdout.write(verdict_text(mission, campaigns) + "\n")
+
+
+@app.command()
+def report(
+    path: DatabaseArgument,
+    campaigns: Annotated[Path, typer.Argument(help="Flights kept by 'ampi fly --output'.")],
+    output: Annotated[Path, typer.Option(help="HTML file to write.")] = Path("report.html"),
+) -> None:
+    """Write the verdict and all figures as one HTML file."""
+    from ampi.dataset import read_dataset
+    from ampi.loading import guidance_table
+    from ampi.report.html import write_report
+    from ampi.simulation.monte_carlo import load_campaigns
+
+    with _told():
+        dataset = read_dataset(path)
+        loaded = load_campaigns(campaigns)
+        first = next(iter(loaded.values()))
+        keys = (
+            "ampi_version",
+            "git_revision",
+            "content_sha256",
+            "numpy_version",
+            "clarabel_version",
+        )
+        extra = {
+            "database": path.name,
+            "seed": str(first.seed),
+            "flights per mode": str(first.n),
+            "dispersions": first.distribution,
+            **{key: str(dataset.attributes[key]) for key in keys},
+        }
+        with progress("drawing", 1) as advance:
+            written = write_report(output, dataset.mission, guidance_table(dataset), loaded, extra)
+            advance(1)
+    out.print(f"{written}: {written.stat().st_size / 1e6:.1f} MB")
+
+
+def main() -> None:
+    """Entry point."""
+    app()
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,162 @@
+"""The verdict on a campaign: counts, percentages with confidence intervals, footprint.
+
+Percentages carry the exact (Clopper–Pearson) 95 % interval of scipy. The footprint is the area of the
+covariance ellipse that holds 95 % of a bivariate normal, and its ratio between two campaigns flown on
+the same draws carries a paired bootstrap interval.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import binomtest, chi2
+
+from ampi.simulation.monte_carlo import Flights
+
+Array = NDArray[np.float64]
+
+CONFIDENCE = 0.95
+ELLIPSE = float(chi2.ppf(CONFIDENCE, 2))  # squared Mahalanobis radius
+BOOTSTRAPS = 2000
+TABLE_5_RADII = (25e3, 50e3, 75e3)  # m, Sagliano et al. 2016, Table 5
+INNER_RADII = (3e3, 6.5e3, 13e3, 25e3)  # m, Section V.A, and 3 km
+
+
+@dataclass(frozen=True)
+class Fraction:
+    """A count of n with its 95 % interval (fractions, 0 … 1)."""
+
+    count: int
+    n: int
+    low: float
+    high: float
+
+    @classmethod
+    def of(cls, hits: NDArray[np.bool_]) -> Fraction:
+        """From one truth value per flight."""
+        count, n = int(np.count_nonzero(hits)), len(hits)
+        interval = binomtest(count, n).proportion_ci(CONFIDENCE, method="exact")
+        return cls(count, n, float(interval.low), float(interval.high))
+
+    @property
+    def percent(self) -> float:
+        """In percent."""
+        return 100.0 * self.count / self.n
+
+    def __str__(self) -> str:
+        return f"{self.percent:.1f} % [{100 * self.low:.1f}, {100 * self.high:.1f}]"
+
+
+@dataclass(frozen=True)
+class Spread:
+    """Size of an error over the flights that reached the target speed."""
+
+    median: float
+    percentile_99: float
+    worst: float
+
+    @classmethod
+    def of(cls, error: Array) -> Spread:
+        """From signed or unsigned errors."""
+        size = np.abs(error)
+        if len(size) == 0:
+            return cls(np.nan, np.nan, np.nan)
+        return cls(float(np.median(size)), float(np.percentile(size, 99)), float(size.max()))
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """One campaign, judged."""
+
+    mode: str
+    n: int
+    reached: Fraction
+    clipped: Fraction
+    rings: tuple[Fraction, ...]  # Table 5: within 25 km, 25–50, 50–75, outside
+    within: dict[float, Fraction]  # radius (m) → flights within it
+    miss: Spread  # m
+    altitude: Spread  # m
+    speed: Spread  # m/s
+    peak: dict[str, Spread]  # of each path constraint over its limit, per flight
+    limits_kept: Fraction
+    footprint_area: float  # m²
+
+    def as_dict(self) -> dict[str, Any]:
+        """Plain numbers for JSON."""
+
+        def plain(value: Any) -> Any:
+            if isinstance(value, Fraction | Spread):
+                return dict(vars(value))
+            if isinstance(value, dict):
+                return {str(k): plain(v) for k, v in value.items()}
+            if isinstance(value, tuple):
+                return [plain(v) for v in value]
+            return value
+
+        return {k: plain(v) for k, v in vars(self).items()}
+
+
+def judge(flights: Flights) -> Verdict:
+    """Statistics of one campaign. A flight that did not reach the target speed is in no circle."""
+    good = flights.reached
+    miss = np.where(good, flights.miss, np.inf)
+    edges = (0.0, *TABLE_5_RADII, np.inf)
+    rings = tuple(
+        Fraction.of((miss >= a) & (miss < b) if np.isfinite(b) else miss >= a)
+        for a, b in pairwise(edges)
+    )
+    peak = np.nanmax(flights.path, axis=2)
+    names = ("dynamic_pressure", "heat_flux", "load_factor")
+    return Verdict(
+        mode=flights.mode.value,
+        n=flights.n,
+        reached=Fraction.of(good),
+        clipped=Fraction.of(flights.clipped),
+        rings=rings,
+        within={radius: Fraction.of(miss < radius) for radius in INNER_RADII},
+        miss=Spread.of(flights.miss[good]),
+        altitude=Spread.of(flights.altitude_error[good]),
+        speed=Spread.of(flights.speed_error[good]),
+        peak={name: Spread.of(peak[:, i]) for i, name in enumerate(names)},
+        limits_kept=Fraction.of(np.all(peak <= 1.0, axis=1)),
+        footprint_area=ellipse_area(flights.along[good], flights.across[good]),
+    )
+
+
+def ellipse_area(along: Array, across: Array) -> float:
+    """Area (m²) of the 95 % covariance ellipse of a footprint."""
+    if len(along) < 3:
+        return float("nan")
+    covariance = np.cov(along, across)
+    return float(np.pi * ELLIPSE * np.sqrt(max(np.linalg.det(covariance), 0.0)))
+
+
+@dataclass(frozen=True)
+class AreaRatio:
+    """Footprint of one campaign over another's, with its 95 % bootstrap interval."""
+
+    ratio: float
+    low: float
+    high: float
+
+    def __str__(self) -> str:
+        return f"{100 * self.ratio:.2g} % [{100 * self.low:.2g}, {100 * self.high:.2g}]"
+
+
+def footprint_ratio(flights: Flights, baseline: Flights) -> AreaRatio:
+    """Paired by draw: both campaigns must share seed and entry states."""
+    if flights.n != baseline.n or not np.array_equal(flights.entry_states, baseline.entry_states):
+        raise ValueError("footprint_ratio: the two campaigns were not flown on the same draws")
+    both = flights.reached & baseline.reached
+    points = [np.stack([f.along[both], f.across[both]]) for f in (flights, baseline)]
+    rng = np.random.default_rng(np.random.SeedSequence(flights.seed, spawn_key=(0,)))
+    samples = np.empty(BOOTSTRAPS)
+    for i in range(BOOTSTRAPS):
+        pick = rng.integers(0, points[0].shape[1], points[0].shape[1])
+        samples[i] = ellipse_area(*points[0][:, pick]) / ellipse_area(*points[1][:, pick])
+    low, high = np.percentile(samples, [2.5, 97.5])
+    return AreaRatio(ellipse_area(*points[0]) / ellipse_area(*points[1]), float(low), float(high))

@@ -1,0 +1,222 @@
+"""Is the database true, and what does interpolating it cost?
+
+`audit` answers three questions with numbers of its own making, not with those stored in the file:
+
+1. Truth. Every case is flown again by DOP853 under its own bank angle (ampi.simulation.reintegration).
+2. Limits. On that flight the path constraints are read on a 1 s grid, between the nodes.
+3. Interpolation. At random points of the hypercube the reference of each guidance mode is compared
+   with the optimal control problem solved there: greatest error over the nodes of the flight, and the
+   miss distance when the interpolated bank angle is flown open loop to the interpolated final time.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+from joblib import Parallel, delayed
+from numpy.typing import NDArray
+
+from ampi.dataset import TrajectoryDataset
+from ampi.loading import guidance_table
+from ampi.missions.mission import Mission
+from ampi.onboard.reference import Mode, ReferenceGenerator
+from ampi.onboard.table import RATE_ROW, STATE_ROWS, GuidanceTable
+from ampi.physics.planet import great_circle_distance
+from ampi.scp.solve import solve
+from ampi.simulation.reintegration import reintegrate_many
+from ampi.trajectory import Status, Trajectory
+
+Array = NDArray[np.float64]
+
+CHUNK = 81
+PERCENTILE = 90.0
+COLUMNS = ("altitude_m", "speed_m_per_s", "bank_deg", "final_time_s", "open_loop_miss_km")
+MODES = (Mode.MPI, Mode.AMPI, Mode.QUADRATIC)
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """Median, 90th percentile and worst of an error over its cases."""
+
+    median: float
+    percentile_90: float
+    worst: float
+
+    @classmethod
+    def of(cls, values: Array) -> Quantity:
+        """From one error per case."""
+        if len(values) == 0:
+            return cls(np.nan, np.nan, np.nan)
+        return cls(
+            float(np.median(values)),
+            float(np.percentile(values, PERCENTILE)),
+            float(values.max()),
+        )
+
+
+@dataclass(frozen=True)
+class AuditReport:
+    """The answers."""
+
+    cases: int
+    statuses: dict[str, int]
+    position_error: Quantity  # m, greatest along each flight
+    altitude_error: Quantity  # m
+    speed_error: Quantity  # m/s
+    limits: dict[str, float]  # greatest value over its limit, between the nodes
+    probes: int
+    unsolved_probes: int
+    interpolation: dict[str, dict[str, Quantity]]  # mode → column → error
+
+    def as_dict(self) -> dict[str, Any]:
+        """Plain numbers for JSON."""
+        return asdict(self)
+
+
+def audit(
+    dataset: TrajectoryDataset,
+    *,
+    probes: int = 100,
+    seed: int = 2016,
+    n_jobs: int = 2,
+    advance: Callable[[int], None] | None = None,
+) -> AuditReport:
+    """Audit a database; `advance` is called with the number of cases or probes just done.
+
+    Parameters
+    ----------
+    dataset
+        From `read_dataset`.
+    probes
+        Random points of the hypercube, uniform, at which the problem is solved (0 for none).
+    seed
+        Of the random points.
+    n_jobs
+        Worker processes for the probes.
+    """
+    if probes < 0:
+        raise ValueError(f"probes: expected a non-negative number, got {probes}")
+    notify = advance or (lambda count: None)
+    position, altitude, speed, peak = _fly_again(dataset, notify)
+    errors, unsolved = _probe(dataset, probes, seed, n_jobs, notify)
+    names = ("dynamic_pressure", "heat_flux", "load_factor")
+    return AuditReport(
+        cases=int(dataset.status.size),
+        statuses={
+            s.name: int(np.sum(dataset.status == int(s))) for s in Status if s in dataset.status
+        },
+        position_error=Quantity.of(position),
+        altitude_error=Quantity.of(altitude),
+        speed_error=Quantity.of(speed),
+        limits={n: float(v) for n, v in zip(names, peak, strict=True)},
+        probes=probes,
+        unsolved_probes=unsolved,
+        interpolation={
+            mode.value: {c: Quantity.of(errors[mode.value][:, i]) for i, c in enumerate(COLUMNS)}
+            for mode in MODES
+        },
+    )
+
+
+def _fly_again(
+    dataset: TrajectoryDataset, notify: Callable[[int], None]
+) -> tuple[Array, Array, Array, Array]:
+    mission = dataset.mission
+    n = dataset.states.shape[-1]
+    good = np.flatnonzero(dataset.solved.ravel())
+    states = dataset.states.reshape(-1, 7, n)[good]
+    final_time = dataset.final_time.ravel()[good]
+    found: list[tuple[Array, Array, Array]] = []
+    peak = np.zeros(3)
+    for i in range(0, len(good), CHUNK):
+        part = slice(i, i + CHUNK)
+        check = reintegrate_many(
+            mission, mission.pseudospectral_mesh, states[part], final_time[part]
+        )
+        found.append((check.position_error, check.altitude_error, check.speed_error))
+        peak = np.maximum(peak, check.peak.max(axis=0))
+        notify(len(final_time[part]))
+    if not found:
+        return np.empty(0), np.empty(0), np.empty(0), peak
+    position, altitude, speed = (np.concatenate(v) for v in zip(*found, strict=True))
+    return position, altitude, speed, peak
+
+
+def _probe(
+    dataset: TrajectoryDataset,
+    probes: int,
+    seed: int,
+    n_jobs: int,
+    notify: Callable[[int], None],
+) -> tuple[dict[str, Array], int]:
+    rng = np.random.default_rng(np.random.SeedSequence(seed))
+    low = np.array([axis[0] for axis in dataset.axes])
+    high = np.array([axis[-1] for axis in dataset.axes])
+    points = rng.uniform(low, high, size=(probes, len(low)))
+    errors: dict[str, list[Array]] = {mode.value: [] for mode in MODES}
+    unsolved = 0
+    if probes:
+        table = guidance_table(dataset)
+        with Parallel(n_jobs=n_jobs, return_as="generator") as pool:
+            tasks = (delayed(_probe_point)(dataset.mission, table, point) for point in points)
+            for result in pool(tasks):
+                notify(1)
+                if result is None:
+                    unsolved += 1
+                    continue
+                for name, row in result.items():
+                    errors[name].append(row)
+    return {k: np.array(v).reshape(-1, len(COLUMNS)) for k, v in errors.items()}, unsolved
+
+
+def _probe_point(mission: Mission, table: GuidanceTable, point: Array) -> dict[str, Array] | None:
+    """Errors of every mode at one point; None if the problem there could not be solved."""
+    here = mission.with_entry(point)
+    nodal = {mode: nodal_reference(table, mode, point) for mode in MODES}
+    states, rate, final_time = nodal[Mode.AMPI]
+    mesh = mission.pseudospectral_mesh
+    guess = Trajectory(mesh, states, rate, final_time, np.nan, Status.SOLVED)
+    truth = solve(here, guess=guess)
+    if not truth.status.ok:
+        return None
+    return {
+        mode.value: _errors(here, truth, states, final_time)
+        for mode, (states, _, final_time) in nodal.items()
+    }
+
+
+def nodal_reference(table: GuidanceTable, mode: Mode, point: Array) -> tuple[Array, Array, float]:
+    """Interpolated nodal states (7, n), bank rate (n,) and final time, before LD→HD."""
+    generator = ReferenceGenerator(table, mode)
+    final_time = generator.reference(point).final_time
+    low = generator.nodal_values
+    return low[STATE_ROWS].copy(), low[RATE_ROW].copy(), final_time
+
+
+def _errors(mission: Mission, truth: Trajectory, states: Array, final_time: float) -> Array:
+    flown = states.copy()
+    flown[:6, 0] = mission.entry_state
+    end = reintegrate_many(
+        mission, mission.pseudospectral_mesh, flown[None], np.array([final_time]), np.inf
+    ).states[0, :, -1]
+    target = mission.target
+    miss = great_circle_distance(
+        end[1],
+        end[2],
+        target.longitude,
+        target.latitude,
+        mission.flight_model.planet.equatorial_radius,
+    )
+    difference = np.abs(states - truth.states).max(axis=1)
+    return np.array(
+        [
+            difference[0],
+            difference[3],
+            np.degrees(difference[6]),
+            abs(final_time - truth.final_time),
+            miss / 1e3,
+        ]
+    )
