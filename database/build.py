@@ -15,7 +15,6 @@ import numpy as np
 from ampi.dataset import partial_folder
 from ampi.missions.mission import Mission
 from ampi.scp.solve import SolverSettings
-from ampi.trajectory import Status
 from database.continuation import layers
 from database.gains import GainSettings
 from database.grid import Grid
@@ -86,7 +85,7 @@ def build(
     _open_partial(folder, mission)
     resumed = 0
     for layer in layers(grid):
-        open_cases = [p for p in layer if not record_path(folder, p.case).is_file()]
+        open_cases = [p for p in layer if load_record(folder, p.case, mission) is None]
         resumed += len(layer) - len(open_cases)
         notify(len(layer) - len(open_cases))
         if open_cases:
@@ -141,10 +140,9 @@ def _open_partial(folder: Path, mission: Mission) -> None:
 
 def _whole_record(folder: Path, case: int, mission: Mission) -> CaseRecord:
     record = load_record(folder, case, mission)
-    if record is None:
-        record_path(folder, case).unlink(missing_ok=True)
+    if record is None:  # solved, kept, and gone: someone else is at work in the folder
         raise BuildError(
-            f"the record of case {case} in {folder} is damaged and has been removed; "
-            f"run the same build again ({Status.NOT_RUN.sentence})"
+            f"{record_path(folder, case)} has disappeared or changed during the build; "
+            "is another process building the same file? Run the same build again"
         )
     return record

@@ -10,10 +10,12 @@ import json
 import os
 import time
 import traceback
+import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
+from zipfile import BadZipFile
 
 import numpy as np
 from joblib import Parallel, delayed
@@ -71,7 +73,7 @@ def save_record(folder: Path, record: CaseRecord) -> None:
 def load_record(folder: Path, case: int, mission: Mission) -> CaseRecord | None:
     """The record of a case, or None if it is absent or damaged (then it is solved again)."""
     try:
-        with np.load(record_path(folder, case)) as data:
+        with record_path(folder, case).open("rb") as file, np.load(file) as data:
             final_time, cost, seconds = (float(v) for v in data["scalars"])
             status, iterations, solves = (int(v) for v in data["counts"])
             excess = data["limit_excess"]
@@ -88,7 +90,7 @@ def load_record(folder: Path, case: int, mission: Mission) -> CaseRecord | None:
                 ),
             )
             return CaseRecord(case, trajectory, str(data["message"]), solves, seconds)
-    except (OSError, ValueError, KeyError, EOFError):
+    except (OSError, ValueError, KeyError, EOFError, BadZipFile):
         return None
 
 
@@ -163,8 +165,16 @@ def run_layer(
     """Solve the cases of one layer on `n_jobs` processes."""
     tasks = (delayed(solve_case)(toml, str(folder), planned) for planned in layer)
     with Parallel(n_jobs=n_jobs, return_as="generator_unordered") as pool:
-        for _ in pool(tasks):
-            advance(1)
+        finished = pool(tasks)
+        try:
+            for _ in finished:
+                advance(1)
+        except BaseException:
+            with warnings.catch_warnings():
+                # joblib warns that tasks under way are dropped: they are, and will be solved again
+                warnings.simplefilter("ignore", UserWarning)
+                finished.close()
+            raise
 
 
 def write_fingerprint(folder: Path, fingerprint: dict[str, str]) -> None:

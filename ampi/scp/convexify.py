@@ -30,18 +30,20 @@ def convexify_on_tangent(hessian: Array, target_map: Array, floor: float) -> Arr
     hessian
         Reduced Hessian (n, n), symmetric.
     target_map
-        C (m, n), full row rank.
+        C (m, n), full row rank; m = 0 clips on the whole space.
     floor
         δ > 0, least eigenvalue.
     """
     m = len(target_map)
-    basis = np.linalg.qr(target_map.T, mode="complete")[0]
+    basis = np.linalg.qr(target_map.T, mode="complete")[0] if m else np.eye(len(hessian))
     rotated = basis.T @ hessian @ basis
     tangent = 0.5 * (rotated[m:, m:] + rotated[m:, m:].T)
     if dpotrf(tangent - floor * np.eye(len(tangent)), lower=1)[1] != 0:
         values, vectors = eigh(tangent, driver="evd")
         tangent = (vectors * np.maximum(np.abs(values), floor)) @ vectors.T
         rotated[m:, m:] = tangent
+    if m == 0:
+        return np.asarray(0.5 * (rotated + rotated.T))
     cross = rotated[:m, m:]
     complement = rotated[:m, :m] - cross @ np.linalg.solve(tangent, cross.T)
     least = float(np.linalg.eigvalsh(0.5 * (complement + complement.T))[0])

@@ -43,8 +43,9 @@ class ElasticSettings:
     """Dimensionless; `price` multiplies Eq. (3)."""
 
     price: float = 6.0
-    growth: float = 3.0
-    growths: int = 5  # before the target counts as out of reach
+    growth: float = 10.0
+    growths: int = 1  # before the target counts as out of reach
+    settled: int = 8  # accepted steps with the same elastic targets: then Newton's model is tried
 
 
 def reference_price(terminal_map: Array, effort_curvature: Array, reference_effort: float) -> Array:

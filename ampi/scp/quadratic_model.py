@@ -1,8 +1,9 @@
 """The quadratic model at a point: exact gradient, convex exact Hessian of the Lagrangian.
 
-Far from the target, where it is still elastic, the multipliers say nothing yet: there the model is
-Gauss–Newton's, the effort's curvature alone. As soon as the target is met to first order, the model
-takes the whole curvature Σ μᵀ∇²f and the iteration becomes Newton's.
+Far from the target, while it is being bought off, the multipliers say nothing yet: there the model is
+Gauss–Newton's, the effort's curvature alone. As soon as the target is met to first order, or what is
+bought off has settled (a target out of reach), the model takes the whole curvature Σ μᵀ∇²f and the
+iteration becomes Newton's.
 """
 
 from __future__ import annotations
@@ -56,10 +57,13 @@ def quadratic_subproblem(
     linearised: Linearised,
     multipliers: Multipliers,
     *,
-    gauss_newton: bool,
+    met: NDArray[np.bool_] | None,
     settings: CurvatureSettings,
 ) -> ConvexSubproblem:
-    """Subproblem at `point`, with radius, price and penalty still to be set (`with_merit`)."""
+    """Subproblem at `point`, with radius, price and penalty still to be set (`with_merit`).
+
+    `met` marks the targets that hold the step (4,); None asks for the Gauss–Newton model.
+    """
     problem, t, condensed = flight.problem, flight.transcription, linearised.condensed
     n_z = condensed.n_variables
     time_column, scale = n_z - 2, condensed.final_time_scale
@@ -76,7 +80,7 @@ def quadratic_subproblem(
     mean = float(curvature.mean())
     diagonal = np.full(n_z, settings.free_variables * mean)
     diagonal[: len(u)] = curvature
-    if gauss_newton:
+    if met is None:
         hessian = np.diag(diagonal)
     else:
         hessian = _lagrangian_hessian(flight, point, linearised, multipliers)
@@ -84,7 +88,7 @@ def quadratic_subproblem(
         coupling = 2.0 * problem.effort_weight * t.half_free * t.weights * u * scale
         hessian[: len(u), time_column] += coupling
         hessian[time_column, : len(u)] += coupling
-        hessian = convexify_on_tangent(hessian, target_map, settings.floor * mean)
+        hessian = convexify_on_tangent(hessian, target_map[met], settings.floor * mean)
 
     node, kind = np.nonzero(point.path > settings.screening)
     along = linearised.derivatives.path_jacobian[node, kind]

@@ -52,7 +52,7 @@ Array = NDArray[np.float64]
 class SolverSettings:
     """All numbers that steer the method; none depends on the mission."""
 
-    max_iterations: int = 80
+    max_iterations: int = 120
     trust_region: TrustRegionSettings = field(default_factory=TrustRegionSettings)
     elastic: ElasticSettings = field(default_factory=ElasticSettings)
     penalty: PenaltySettings = field(default_factory=PenaltySettings)
@@ -117,6 +117,7 @@ class _Solve:
         self.price = np.zeros(N_TARGETS)
         self.penalty = 0.0
         self.growths = 0
+        self.settled = 0  # accepted steps since the elastic targets last changed
         self.log: list[IterationRecord] = []
         self.subproblem_seconds = 0.0
         self.began = time.perf_counter()
@@ -132,7 +133,7 @@ class _Solve:
                 if iteration == 1:
                     model = self.first_model(point, guess if warm else None)
                 else:
-                    model = self.model(point, bool(np.any(self.elastic())))
+                    model = self.model(point, self.met())
             condensed, quadratic = model
             convex = with_merit(
                 quadratic, radius=self.region.radius, price=self.price, penalty=self.penalty
@@ -147,7 +148,7 @@ class _Solve:
             )
             if accepted and best.point is not None:
                 point, model = best.point, None
-                self.multipliers = Multipliers.of(best.step, convex)
+                self.accept(Multipliers.of(best.step, convex))
             self.record(iteration, point, best.step, size, ratio, accepted)
             if small and accepted and not self.grow_penalties(point):
                 status = verdict(
@@ -168,6 +169,18 @@ class _Solve:
         """Targets that the last step bought off."""
         return is_elastic(self.multipliers.target, self.price)
 
+    def accept(self, multipliers: Multipliers) -> None:
+        """Keep the multipliers of an accepted step and see whether what is elastic has settled."""
+        before, self.multipliers = self.elastic(), multipliers
+        self.settled = self.settled + 1 if np.array_equal(before, self.elastic()) else 0
+
+    def met(self) -> NDArray[np.bool_] | None:
+        """Targets that hold the step; None while the elastic ones still change."""
+        elastic = self.elastic()
+        if elastic.any() and self.settled < self.settings.elastic.settled:
+            return None
+        return ~elastic
+
     def first_model(
         self, point: Point, neighbour: NodalGuess | None
     ) -> tuple[CondensedDynamics, ConvexSubproblem]:
@@ -178,7 +191,8 @@ class _Solve:
             error = problem.target_error(neighbour.states[-1] / scale)
             known = 2.0 * problem.target_weights * error
             self.multipliers = Multipliers(known, self.multipliers.limits, self.multipliers.bank)
-        model = self.model(point, neighbour is None)
+        everything = np.ones(N_TARGETS, dtype=bool)
+        model = self.model(point, None if neighbour is None else everything)
         effort = problem.reference_effort(point.iterate.final_time)
         condensed, convex = model
         n_u = condensed.n_variables - 2
@@ -189,7 +203,9 @@ class _Solve:
         self.penalty = settings.penalty.initial * effort
         return model
 
-    def model(self, point: Point, gauss_newton: bool) -> tuple[CondensedDynamics, ConvexSubproblem]:
+    def model(
+        self, point: Point, met: NDArray[np.bool_] | None
+    ) -> tuple[CondensedDynamics, ConvexSubproblem]:
         """Linearise and condense at `point`, and build the quadratic model."""
         linearised = self.flight.linearise(point.iterate)
         convex = quadratic_subproblem(
@@ -197,7 +213,7 @@ class _Solve:
             point,
             linearised,
             self.multipliers,
-            gauss_newton=gauss_newton,
+            met=met,
             settings=self.settings.curvature,
         )
         return linearised.condensed, convex
@@ -263,13 +279,12 @@ class _Solve:
     def grow_penalties(self, point: Point) -> bool:
         """At convergence: raise what is still open; False when nothing is, or nothing helps."""
         settings = self.settings
-        elastic = self.elastic()
-        exceeded = bool(point.excess.max() > settings.penalty.tolerance)
-        if not (elastic.any() or exceeded):
+        elastic, exceeded = self.elastic(), bool(point.excess.max() > settings.penalty.tolerance)
+        buy = elastic.any() and self.growths < settings.elastic.growths
+        exceed = exceeded and self.growths < settings.penalty.growths
+        if not (buy or exceed):
             return False
         self.growths += 1
-        if self.growths > max(settings.elastic.growths, settings.penalty.growths):
-            return False
         self.price = np.where(elastic, settings.elastic.growth * self.price, self.price)
         self.penalty *= settings.penalty.growth if exceeded else 1.0
         return True

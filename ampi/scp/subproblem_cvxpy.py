@@ -16,6 +16,7 @@ solver or one more convex constraint on z = (δu, δt_f, δσ₀):
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
 import cvxpy as cp
 import numpy as np
@@ -60,9 +61,10 @@ def solve_subproblem_cvxpy(
     miss = problem.target_weights @ cp.square(e) + problem.target_price @ (v_plus + v_minus)
     excess = problem.limit_penalty * cp.sum(s)
 
-    rate = problem.rate + problem.rate_rows @ z
-    bank_change = problem.bank_rows @ z
-    target = problem.target_map @ z + problem.target_error == e + v_plus - v_minus
+    # cvxpy overloads numpy's operators; type checkers see arrays where it builds expressions.
+    rate: Any = problem.rate + problem.rate_rows @ z
+    bank_change: Any = problem.bank_rows @ z
+    target: Any = problem.target_map @ z + problem.target_error == e + v_plus - v_minus
     bank_lower = bank_change >= problem.bank_lower
     bank_upper = bank_change <= problem.bank_upper
     constraints: list[cp.Constraint] = [
@@ -76,7 +78,7 @@ def solve_subproblem_cvxpy(
         v_minus >= 0.0,
         s >= 0.0,
     ]
-    path = None
+    path: Any = None
     if len(problem.path_room) > 0:
         path = problem.path_rows @ z <= problem.path_room + s[problem.path_kind]
         constraints.append(path)

@@ -156,6 +156,10 @@ FAULTS = {
         ('model = "us76"', 'model = "exponential"\nsurface_density = 1.2'),
         "atmosphere: exponential needs surface_density (kg/m³) and scale_height_m",
     ),
+    "a guess without a unit": (
+        ("bank_angle_deg = 30.0", "bank_angle = 30.0"),
+        "with its unit in the key (bank_angle_rad or bank_angle_deg), got bank_angle = 30.0",
+    ),
     "a phase without segments": (
         ("end_s = 58.0\ndegrees = [", "end_s = 58.0\nfractions = [0.0]\ndegrees = []\n# ["),
         "mesh.phase.degrees: expected at least one segment, got none",

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from ampi.missions import Mission, load_mission
+from ampi.missions.mission import parse_mission
 from ampi.scp.guess import ConstantBank, constant_bank_guess, from_trajectory
 from ampi.scp.iterate import Flight, Point, RestorationSettings
 from ampi.scp.problem import OptimalControlProblem
@@ -55,3 +56,30 @@ def optimum(flight: Flight, mission: Mission, nominal: Trajectory) -> Point:
     point = flight.first_point(from_trajectory(nominal, mission))
     assert point is not None
     return point
+
+
+@pytest.fixture(scope="session")
+def drifting(mission: Mission) -> tuple[Flight, Point]:
+    """A flight whose angle of attack changes up to the free final time, 20° to 15° in 2,000 s.
+
+    There the physics depends on time at nodes that move with t_f; on SHEFEX-3 itself it does not.
+    """
+    text = mission.toml
+    for old, new in (
+        ("start = 58.0", "start = 0.0"),
+        ("end = 88.0", "end = 2000.0"),
+        ("start_angle_deg = 42.0", "start_angle_deg = 20.0"),
+        ("end_angle_deg = 17.5", "end_angle_deg = 15.0"),
+    ):
+        assert text.count(old) == 1
+        text = text.replace(old, new)
+    other = parse_mission(text)
+    flight = Flight.of(
+        OptimalControlProblem.from_mission(other),
+        RestorationSettings(tolerance=1e-12, corrections=20),
+    )
+    guess = constant_bank_guess(other, GUESS)
+    assert guess is not None
+    point = flight.first_point(guess)
+    assert point is not None
+    return flight, point

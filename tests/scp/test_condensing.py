@@ -12,19 +12,32 @@ from ampi.scp.quadratic_model import Multipliers, _lagrangian_hessian
 
 Array = NDArray[np.float64]
 STEP = 1e-4
-POINTS = ["constant_bank_point", "optimum"]
+CASES = ["constant_bank_point", "optimum", "drifting"]
 
 
-@pytest.fixture(params=POINTS)
-def point(request: pytest.FixtureRequest) -> Point:
-    """Far from the optimum, and at it."""
-    return request.getfixturevalue(request.param)
+@pytest.fixture(params=CASES)
+def case(request: pytest.FixtureRequest, flight: Flight) -> tuple[Flight, Point]:
+    """Far from the optimum, at it, and with physics that depend on time to the end."""
+    found = request.getfixturevalue(request.param)
+    return found if request.param == "drifting" else (flight, found)
 
 
 @pytest.fixture
-def linearised(flight: Flight, point: Point) -> Linearised:
+def flying(case: tuple[Flight, Point]) -> Flight:
+    """The flight of the case."""
+    return case[0]
+
+
+@pytest.fixture
+def point(case: tuple[Flight, Point]) -> Point:
+    """The point of the case."""
+    return case[1]
+
+
+@pytest.fixture
+def linearised(flying: Flight, point: Point) -> Linearised:
     """Derivatives there."""
-    return flight.linearise(point.iterate)
+    return flying.linearise(point.iterate)
 
 
 def flown(flight: Flight, point: Point, linearised: Linearised, z: Array) -> Point:
@@ -76,12 +89,12 @@ def reduced_gradient(flight: Flight, point: Point, multipliers: Multipliers) -> 
 
 
 def test_state_map_is_the_derivative_of_the_restored_flight(
-    flight: Flight, point: Point, linearised: Linearised
+    flying: Flight, point: Point, linearised: Linearised
 ) -> None:
     condensed = linearised.condensed
     for d in directions(condensed.n_variables):
-        ahead = flown(flight, point, linearised, STEP * d).iterate.states
-        behind = flown(flight, point, linearised, -STEP * d).iterate.states
+        ahead = flown(flying, point, linearised, STEP * d).iterate.states
+        behind = flown(flying, point, linearised, -STEP * d).iterate.states
         differenced = (ahead - behind) / (2.0 * STEP)
         linear = condensed.state_map @ d
         assert np.abs(differenced - linear).max() < 1e-6 * np.abs(linear).max()
@@ -94,21 +107,21 @@ def test_state_map_leaves_the_entry_state_alone(linearised: Linearised) -> None:
 
 
 def test_bank_angle_is_the_integral_of_its_rate(
-    flight: Flight, point: Point, linearised: Linearised
+    flying: Flight, point: Point, linearised: Linearised
 ) -> None:
     # A rate of one along the whole flight turns the bank by u_max t at every node.
     z = np.ones(linearised.condensed.n_variables)
     z[-2:] = 0.0
-    times = flight.transcription.times(point.iterate.final_time)
+    times = flying.transcription.times(point.iterate.final_time)
     turned = linearised.condensed.state_map[:, 6] @ z
-    assert turned == pytest.approx(flight.problem.bank_rate_limit * times, abs=1e-10)
+    assert turned == pytest.approx(flying.problem.bank_rate_limit * times, abs=1e-10)
 
 
 def test_correction_cancels_a_residual(
-    flight: Flight, point: Point, linearised: Linearised
+    flying: Flight, point: Point, linearised: Linearised
 ) -> None:
     rng = np.random.default_rng(5)
-    t, d = flight.transcription, linearised.derivatives
+    t, d = flying.transcription, linearised.derivatives
     residual = rng.normal(size=(len(point.iterate.states) - 1, 7))
     entry_error = rng.normal(size=7)
     change = linearised.condensed.correction(residual, entry_error)
@@ -118,9 +131,9 @@ def test_correction_cancels_a_residual(
     assert left == pytest.approx(-residual, abs=1e-9)
 
 
-def dense_system(flight: Flight, point: Point, linearised: Linearised) -> Array:
+def dense_system(flying: Flight, point: Point, linearised: Linearised) -> Array:
     """∂R/∂(x_1 … x_n−1) as one matrix, column by column from the residual itself."""
-    t, jacobian = flight.transcription, linearised.derivatives.state_jacobian
+    t, jacobian = flying.transcription, linearised.derivatives.state_jacobian
     n = len(point.iterate.states)
     matrix = np.empty((7 * (n - 1), 7 * (n - 1)))
     for k in range(7 * (n - 1)):
@@ -133,47 +146,47 @@ def dense_system(flight: Flight, point: Point, linearised: Linearised) -> Array:
 
 
 def test_multipliers_solve_the_transposed_system(
-    flight: Flight, point: Point, linearised: Linearised
+    flying: Flight, point: Point, linearised: Linearised
 ) -> None:
     nodes = node_gradient(linearised, random_multipliers(len(point.iterate.states)))
-    matrix = dense_system(flight, point, linearised)
+    matrix = dense_system(flying, point, linearised)
     exact = np.linalg.solve(matrix.T, -nodes[1:].ravel()).reshape(-1, 7)
     swept = linearised.condensed.multipliers(nodes)
     assert np.abs(swept - exact).max() < 1e-10 * np.abs(exact).max()
 
 
 def test_multipliers_give_the_reduced_gradient(
-    flight: Flight, point: Point, linearised: Linearised
+    flying: Flight, point: Point, linearised: Linearised
 ) -> None:
     # The adjoint law: for a rate at one node, dF/du = −μᵀ h B there, B in the bank row alone.
     multipliers = Multipliers(np.array([0.3, -1.0, 2.0, 0.7]), np.zeros((1, 3)), np.zeros(1))
     nodes = np.zeros_like(point.iterate.states)
     nodes[-1, :4] = multipliers.target
     mu = linearised.condensed.multipliers(nodes)
-    half = flight.transcription.half_lengths(point.iterate.final_time)
-    by_adjoint = -half * flight.problem.bank_rate_limit * mu[:, 6]
+    half = flying.transcription.half_lengths(point.iterate.final_time)
+    by_adjoint = -half * flying.problem.bank_rate_limit * mu[:, 6]
     direct = multipliers.target @ linearised.condensed.state_map[-1, :4]
     assert by_adjoint == pytest.approx(direct[:-2], rel=1e-8, abs=1e-12)
 
 
 def test_reduced_hessian_is_the_derivative_of_the_reduced_gradient(
-    flight: Flight, point: Point, linearised: Linearised
+    flying: Flight, point: Point, linearised: Linearised
 ) -> None:
     multipliers = random_multipliers(len(point.iterate.states))
-    hessian = _lagrangian_hessian(flight, point, linearised, multipliers)
+    hessian = _lagrangian_hessian(flying, point, linearised, multipliers)
     assert hessian == pytest.approx(hessian.T, abs=1e-10 * np.abs(hessian).max())
     for d in directions(len(hessian)):
-        ahead = flown(flight, point, linearised, STEP * d)
-        behind = flown(flight, point, linearised, -STEP * d)
-        differenced = reduced_gradient(flight, ahead, multipliers)
-        differenced -= reduced_gradient(flight, behind, multipliers)
+        ahead = flown(flying, point, linearised, STEP * d)
+        behind = flown(flying, point, linearised, -STEP * d)
+        differenced = reduced_gradient(flying, ahead, multipliers)
+        differenced -= reduced_gradient(flying, behind, multipliers)
         differenced /= 2.0 * STEP
         product = hessian @ d
         assert np.abs(differenced - product).max() < 1e-6 * np.abs(product).max()
 
 
 def test_reduced_gradient_is_the_slope_of_the_weighted_sum(
-    flight: Flight, point: Point, linearised: Linearised
+    flying: Flight, point: Point, linearised: Linearised
 ) -> None:
     multipliers = random_multipliers(len(point.iterate.states))
 
@@ -184,10 +197,10 @@ def test_reduced_gradient_is_the_slope_of_the_weighted_sum(
             + multipliers.bank @ at.iterate.states[:, 6]
         )
 
-    gradient = reduced_gradient(flight, point, multipliers)
+    gradient = reduced_gradient(flying, point, multipliers)
     for d in directions(len(gradient)):
-        ahead = weighted(flown(flight, point, linearised, STEP * d))
-        behind = weighted(flown(flight, point, linearised, -STEP * d))
+        ahead = weighted(flown(flying, point, linearised, STEP * d))
+        behind = weighted(flown(flying, point, linearised, -STEP * d))
         assert (ahead - behind) / (2.0 * STEP) == pytest.approx(
             gradient @ d, abs=1e-6 * np.abs(gradient).max()
         )

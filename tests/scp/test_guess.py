@@ -10,13 +10,14 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
 from ampi.missions import Mission
-from ampi.missions.mission import MeshSection, PhaseSection
+from ampi.missions.mission import GuessSection, MeshSection, PhaseSection
 from ampi.physics.equations_of_motion import equations_of_motion
 from ampi.physics.planet import great_circle_distance
 from ampi.scp.guess import (
     ConstantBank,
     best_constant_bank,
     constant_bank_guess,
+    default_guess,
     from_trajectory,
     nodal_guess,
 )
@@ -95,6 +96,13 @@ def test_the_best_constant_bank_ends_nearest(mission: Mission) -> None:
     candidates = np.linspace(-limit, limit, 5)
     assert best.bank_angle in candidates
     assert miss(best.bank_angle) == min(miss(float(angle)) for angle in candidates)
+
+
+def test_a_mission_may_name_its_guess(mission: Mission) -> None:
+    named = mission.model_copy(update={"guess": GuessSection(bank_angle_deg=12.0)})
+    assert default_guess(named) == ConstantBank(np.radians(12.0))
+    unnamed = mission.model_copy(update={"guess": None})
+    assert default_guess(unnamed) == best_constant_bank(mission)
 
 
 def test_a_trajectory_on_its_own_mesh_is_taken_as_it_is(

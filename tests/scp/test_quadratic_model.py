@@ -166,6 +166,31 @@ def test_rows_of_the_path_limits(
         assert slope == pytest.approx(linear, abs=1e-6 * max(1.0, np.abs(linear).max()))
 
 
+def test_rows_of_the_path_limits_move_with_the_final_time(
+    drifting: tuple[Flight, Point],
+) -> None:
+    # Where the angle of attack still changes in the free phase, so does g at a moving node.
+    flight, point = drifting
+    linearised = flight.linearise(point.iterate)
+    convex = quadratic_subproblem(
+        flight,
+        point,
+        linearised,
+        Multipliers.zero(flight.problem.mesh.n_nodes),
+        gauss_newton=True,
+        settings=CurvatureSettings(screening=0.01),
+    )
+    node, kind = convex.path_node, convex.path_kind
+    by_time = linearised.derivatives.path_jacobian[node, kind, 7]
+    assert np.abs(by_time * flight.transcription.node_free[node]).max() > 1e-6
+    d = np.zeros(len(convex.gradient))
+    d[convex.final_time_column] = 1.0
+    ahead = moved(flight, point, linearised, STEP * d).path[node, kind]
+    behind = moved(flight, point, linearised, -STEP * d).path[node, kind]
+    linear = convex.path_rows @ d
+    assert np.abs((ahead - behind) / (2.0 * STEP) - linear).max() < 1e-6 * np.abs(linear).max()
+
+
 def test_rows_of_the_bank_and_its_rate(
     flight: Flight, optimum: Point, linearised: Linearised, convex: ConvexSubproblem
 ) -> None:

@@ -16,7 +16,9 @@ from ampi.physics.planet import great_circle_distance
 from ampi.pseudospectral.lagrange import interpolation_matrix
 from ampi.scp import solve as solver
 from ampi.scp.guess import ConstantBank
-from ampi.scp.solve import SolverSettings, solve
+from ampi.scp.iterate import Point
+from ampi.scp.problem import OptimalControlProblem
+from ampi.scp.solve import SolverSettings, _Solve, solve
 from ampi.scp.subproblem import ConvexSubproblem, Step, solve_subproblem
 from ampi.scp.trust_region import TrustRegionSettings
 from ampi.trajectory import Status, Trajectory
@@ -169,7 +171,7 @@ def test_other_guesses_find_the_same_optimum(
 
 
 def test_no_guess_is_needed(mission: Mission, nominal: Trajectory) -> None:
-    # The problem has several local optima: what is found need not be the nominal one.
+    # Two optima reach the target, one banked to either side at first; the mission names its own.
     alone = solve(mission)
     assert alone.status is Status.SOLVED
     assert nominal.cost * (1.0 - 1e-6) < alone.cost < 2.0 * nominal.cost
@@ -289,6 +291,26 @@ def test_a_failed_subproblem_is_a_status(mission: Mission, monkeypatch: pytest.M
     failed = solve(mission, guess=GUESS)
     assert failed.status is Status.SUBPROBLEM_FAILED
     assert np.all(np.isfinite(failed.states))
+
+
+def test_prices_grow_only_where_something_is_open(
+    problem: OptimalControlProblem, optimum: Point
+) -> None:
+    run = _Solve(problem, SolverSettings())
+    run.price, run.penalty = np.array([1.0, 2.0, 3.0, 4.0]), 5.0
+    assert not run.grow_penalties(optimum)  # nothing is open
+    run.multipliers = replace(run.multipliers, target=np.array([0.5, -2.0, 0.0, 4.0]))
+    assert run.grow_penalties(optimum)
+    assert run.price == pytest.approx([1.0, 6.0, 3.0, 12.0])
+    assert run.penalty == 5.0
+    run.multipliers = replace(run.multipliers, target=np.zeros(4))
+    exceeded = replace(optimum, excess=np.array([0.0, 1e-5, 0.0]))
+    grown = 0
+    while run.grow_penalties(exceeded):
+        grown += 1
+    assert grown == 4  # five in all, then the limit counts as one that cannot be kept
+    assert run.penalty == pytest.approx(5e4)
+    assert run.price == pytest.approx([1.0, 6.0, 3.0, 12.0])
 
 
 def test_the_log_says_where_the_time_went(nominal: Trajectory) -> None:

@@ -1,0 +1,1 @@
+"""What people see: figures, verdict tables, one HTML file. Degrees and kilometres live here."""

@@ -1,0 +1,146 @@
+"""The figures of the report in order, each with title, caption and words for who cannot see it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+from matplotlib.figure import Figure
+
+from ampi.missions.mission import Mission
+from ampi.onboard.table import GuidanceTable
+from ampi.report import campaign_figures as over_time
+from ampi.report import database_figures as database
+from ampi.report import footprint_figures as at_the_end
+from ampi.report.look import ImageFormat
+from ampi.report.runge_figure import runge_phenomenon
+from ampi.simulation.monte_carlo import Flights
+
+
+@dataclass(frozen=True)
+class Exhibit:
+    """A figure yet to be drawn, and what is said about it."""
+
+    name: str  # anchor in the page
+    title: str
+    caption: str
+    alternative: str  # the alt text
+    draw: Callable[[], Figure]
+    image_format: ImageFormat = ImageFormat.PNG
+
+
+def database_exhibits(mission: Mission, table: GuidanceTable) -> tuple[Exhibit, ...]:
+    """The trajectory database, Figs. 4–7, and the reason for its nodes, Figs. 9 and 10."""
+    cases = table.final_time.size
+    shortest, longest = float(table.final_time.min()), float(table.final_time.max())
+    return (
+        Exhibit(
+            "database-states",
+            "Database: states",
+            "Every optimum over time, the nominal one thick. After Fig. 4 of the paper.",
+            f"Six panels over time: altitude, longitude, latitude, speed, flight-path angle and "
+            f"azimuth of {cases} optimal trajectories that last {shortest:.0f} to {longest:.0f} "
+            "seconds, with the nominal one highlighted.",
+            lambda: database.database_states(mission, table),
+        ),
+        Exhibit(
+            "database-controls",
+            "Database: controls",
+            "Angle of attack follows its schedule, bank angle and rate are optimised. "
+            "After Fig. 5.",
+            f"Three panels over time: angle of attack, bank angle and bank rate of {cases} optimal "
+            "trajectories between dashed limits.",
+            lambda: database.database_controls(mission, table),
+        ),
+        Exhibit(
+            "database-tracks",
+            "Database: ground tracks",
+            "From the entry points of the grid to the target; the window shows the last metres. "
+            "After Fig. 6.",
+            f"Map in longitude and latitude: {cases} ground tracks fan out from a grid of entry "
+            "points and meet at the target; an inset in kilometres shows where they end.",
+            lambda: database.database_ground_tracks(mission, table),
+        ),
+        Exhibit(
+            "database-constraints",
+            "Database: path constraints",
+            "Dynamic pressure, heat flux and load factor with their limits. After Fig. 7.",
+            f"Three panels over time: dynamic pressure, heat flux and load factor of {cases} "
+            "optimal trajectories against their dashed limits.",
+            lambda: database.database_constraints(mission, table),
+        ),
+        Exhibit(
+            "runge",
+            "Why flipped Radau nodes",
+            "Interpolants of 1/(1 + 25 τ²). Uniform nodes diverge towards the ends as their number "
+            "grows, Radau nodes converge. After Figs. 9 and 10.",
+            "Four panels: Runge's function interpolated through 11 and 25 nodes; through uniform "
+            "nodes the interpolant swings out at both ends, through Radau nodes it does not.",
+            runge_phenomenon,
+            ImageFormat.SVG,
+        ),
+    )
+
+
+def campaign_exhibits(mission: Mission, campaigns: Mapping[str, Flights]) -> tuple[Exhibit, ...]:
+    """The Monte-Carlo campaigns, Figs. 11–19."""
+    pair = " and ".join(over_time.compared(campaigns))
+    every = ", ".join(over_time.back_to_front(campaigns))
+    return (
+        Exhibit(
+            "campaign-states",
+            "Flights: states",
+            f"{pair}, closed loop; dotted: the target. After Fig. 11.",
+            f"Six panels over time with the states of every flight of {pair}.",
+            lambda: over_time.campaign_states(mission, campaigns),
+        ),
+        Exhibit(
+            "campaign-errors",
+            "Flights: tracking errors",
+            "Flown state minus reference: what is left for feedback to remove. After Fig. 12.",
+            f"Six panels over time with the difference between flown and reference states for "
+            f"every flight of {pair}.",
+            lambda: over_time.campaign_tracking_errors(mission, campaigns),
+        ),
+        Exhibit(
+            "campaign-controls",
+            "Flights: controls",
+            "Angle of attack, bank angle and bank rate as flown, one column per mode. "
+            "After Fig. 13.",
+            f"One column each for {pair}: angle of attack, bank angle and bank rate over time "
+            "between dashed limits.",
+            lambda: over_time.campaign_controls(mission, campaigns),
+        ),
+        Exhibit(
+            "campaign-tracks",
+            "Flights: ground tracks",
+            f"The window holds {over_time.WINDOW_PERCENTILE:g} % of the end points. After Fig. 14.",
+            f"Map in longitude and latitude with the ground tracks of {pair} from the dispersed "
+            "entry points to the target; an inset in kilometres shows where they end.",
+            lambda: over_time.campaign_ground_tracks(mission, campaigns),
+        ),
+        Exhibit(
+            "footprint",
+            "Footprint",
+            "End points across and along the nominal ground track, at three scales. After Fig. 15.",
+            f"Three scatter plots of end points around the target for {every}: with circles of 25, "
+            "50 and 75 kilometres, with the 95 percent ellipses, and closer still.",
+            lambda: at_the_end.campaign_footprint(mission, campaigns),
+        ),
+        Exhibit(
+            "histograms",
+            "Final errors",
+            "On logarithmic axes: the modes lie decades apart. After Figs. 16 to 18.",
+            f"Three histograms for {every}: final altitude error, final speed error, and range to "
+            "go with the radii 6.5, 13 and 25 kilometres marked.",
+            lambda: at_the_end.campaign_histograms(mission, campaigns),
+        ),
+        Exhibit(
+            "campaign-constraints",
+            "Flights: path constraints",
+            "Dynamic pressure, heat flux and load factor as flown, with limits. After Fig. 19.",
+            f"Three panels over time: dynamic pressure, heat flux and load factor of every flight "
+            f"of {pair} against their dashed limits.",
+            lambda: over_time.campaign_constraints(mission, campaigns),
+        ),
+    )

@@ -1,0 +1,128 @@
+"""The report: one HTML file with its figures inside; it needs no network and no scripts."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from importlib import resources
+from pathlib import Path
+
+from jinja2 import Environment, StrictUndefined
+
+from ampi.missions.mission import Mission
+from ampi.onboard.reference import Mode
+from ampi.onboard.table import GuidanceTable
+from ampi.report.exhibits import Exhibit, campaign_exhibits, database_exhibits
+from ampi.report.look import data_uri, image_bytes
+from ampi.report.published import PAPER_MISSION
+from ampi.report.quantities import DEGREES, KILO
+from ampi.report.verdict_tables import verdict_tables
+from ampi.simulation.monte_carlo import Flights
+
+TEMPLATE = "report.html.j2"
+
+MODE_SENTENCES = {
+    Mode.NOMINAL: "tracks the optimum of the nominal entry, whatever the entry state",
+    Mode.MPI: "interpolates multilinearly between the outer vertices of the hypercube",
+    Mode.AMPI: "interpolates multilinearly inside the cell of the grid that holds the entry state",
+    Mode.QUADRATIC: "interpolates quadratically, with three points per axis of the same table",
+}
+
+
+@dataclass(frozen=True)
+class Picture:
+    """A drawn exhibit, ready to embed."""
+
+    name: str
+    title: str
+    caption: str
+    alternative: str
+    source: str  # data: URI
+
+
+def write_report(
+    path: str | Path,
+    mission: Mission,
+    table: GuidanceTable,
+    campaigns: Mapping[str, Flights],
+    extra: Mapping[str, str],
+) -> Path:
+    """Write the report of a database and its campaigns.
+
+    Parameters
+    ----------
+    path
+        The HTML file; its folder must exist.
+    mission, table
+        What was flown, and from which table.
+    campaigns
+        Name → flights; each name becomes a column.
+    extra
+        Provenance: versions, git revision, database file, date.
+
+    Returns
+    -------
+    Path
+        The file written.
+    """
+    if not campaigns:
+        raise ValueError("campaigns: expected at least one campaign of flights, got none")
+    environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True)
+    text = resources.files("ampi.report").joinpath(TEMPLATE).read_text(encoding="utf-8")
+    page = environment.from_string(text).render(
+        title=f"{mission.title}: entry guidance by pseudospectral interpolation",
+        statement=mission_statement(mission, table),
+        surrogate="surrogate" in mission.title.lower(),
+        compared_with_paper=mission.name == PAPER_MISSION,
+        provenance={**_draws(campaigns), **extra},
+        modes={name: MODE_SENTENCES[f.mode] for name, f in campaigns.items()},
+        tables=verdict_tables(mission, campaigns),
+        campaign_pictures=_drawn(campaign_exhibits(mission, campaigns)),
+        database_pictures=_drawn(database_exhibits(mission, table)),
+    )
+    target = Path(path)
+    target.write_text(page, encoding="utf-8")
+    return target
+
+
+def mission_statement(mission: Mission, table: GuidanceTable) -> str:
+    """The mission in two sentences, from its own numbers."""
+    entry, target = mission.entry, mission.target
+    return (
+        f"A vehicle of {mission.vehicle.mass:g} kg enters at {entry.altitude * KILO:.1f} km and "
+        f"{entry.speed:.0f} m/s with a flight-path angle of "
+        f"{entry.flight_path_angle * DEGREES:.2f}° and shall arrive at "
+        f"{target.latitude * DEGREES:.2f}° latitude, {target.longitude * DEGREES:.2f}° longitude, "
+        f"{target.altitude * KILO:.1f} km altitude with {target.speed:.0f} m/s, steered by bank "
+        f"angle alone. Guidance interpolates {table.final_time.size} optimal trajectories, stored "
+        f"at {table.conversion.shape[0]} nodes each, over {len(table.axes)} entry states."
+    )
+
+
+def _draws(campaigns: Mapping[str, Flights]) -> dict[str, str]:
+    """Provenance that the campaigns carry themselves."""
+
+    def each(values: Iterable[object]) -> str:
+        return ", ".join(dict.fromkeys(str(value) for value in values))
+
+    flights = campaigns.values()
+    return {
+        "Mission": each(f.mission for f in flights),
+        "Flights per campaign": each(f.n for f in flights),
+        "Dispersions": each(f.distribution for f in flights),
+        "Seed": each(f.seed for f in flights),
+    }
+
+
+def _drawn(exhibits: tuple[Exhibit, ...]) -> list[Picture]:
+    """Draw one after the other: a figure of a thousand curves is dropped once it is an image."""
+    return [
+        Picture(
+            e.name,
+            e.title,
+            e.caption,
+            e.alternative,
+            data_uri(image_bytes(e.draw(), e.image_format), e.image_format),
+        )
+        for e in exhibits
+    ]

@@ -1,0 +1,111 @@
+"""One look for every figure: type sizes, one colour per guidance mode, and the way into a page.
+
+Colours are Okabe and Ito's (2008), told apart under every common colour blindness; markers differ as
+well, so that a grey print can be read. Figures are made through matplotlib's object interface: no
+window, no current figure, nothing left behind in its settings.
+"""
+
+from __future__ import annotations
+
+import base64
+import io
+from collections.abc import Callable
+from dataclasses import dataclass
+from enum import Enum
+from functools import wraps
+from typing import Any, ParamSpec
+
+from matplotlib import rc_context
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+
+from ampi.onboard.reference import Mode
+
+P = ParamSpec("P")
+
+DOTS_PER_INCH = 110
+LIMIT_COLOUR = "#B00020"
+TARGET_COLOUR = "#000000"
+DATABASE_COLOUR = "#5B7DB1"
+INK = "#222222"
+
+_SETTINGS: dict[str, Any] = {
+    "font.family": "DejaVu Sans",
+    "font.size": 10.0,
+    "axes.labelsize": 10.0,
+    "axes.titlesize": 10.5,
+    "axes.edgecolor": INK,
+    "axes.labelcolor": INK,
+    "axes.grid": True,
+    "axes.axisbelow": True,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "grid.color": "#DDDDDD",
+    "grid.linewidth": 0.6,
+    "xtick.labelsize": 9.0,
+    "ytick.labelsize": 9.0,
+    "xtick.color": INK,
+    "ytick.color": INK,
+    "legend.fontsize": 9.0,
+    "legend.frameon": False,
+    "figure.facecolor": "white",
+    "savefig.facecolor": "white",
+    "svg.hashsalt": "ampi",
+}
+
+
+class ImageFormat(Enum):
+    """How a figure is embedded: PNG for thousands of lines, SVG for a few."""
+
+    PNG = "image/png"
+    SVG = "image/svg+xml"
+
+
+@dataclass(frozen=True)
+class ModeLook:
+    """Colour and marker of one guidance mode."""
+
+    colour: str
+    marker: str
+
+
+MODE_LOOKS = {
+    Mode.NOMINAL: ModeLook("#E69F00", "s"),
+    Mode.MPI: ModeLook("#009E73", "^"),
+    Mode.AMPI: ModeLook("#0072B2", "o"),
+    Mode.QUADRATIC: ModeLook("#CC79A7", "D"),
+}
+
+
+def house_style(draw: Callable[P, Figure]) -> Callable[P, Figure]:
+    """Run a drawing function under the settings above; matplotlib's own stay as they were."""
+
+    @wraps(draw)
+    def styled(*args: P.args, **kwargs: P.kwargs) -> Figure:
+        with rc_context(_SETTINGS):
+            return draw(*args, **kwargs)
+
+    return styled
+
+
+def new_figure(width: float, height: float) -> Figure:
+    """Empty figure of `width` × `height` (inches) on the Agg canvas, laid out without overlaps."""
+    figure = Figure(figsize=(width, height), layout="constrained")
+    FigureCanvasAgg(figure)
+    return figure
+
+
+def image_bytes(figure: Figure, image_format: ImageFormat = ImageFormat.PNG) -> bytes:
+    """The figure as a file's content; the same figure gives the same bytes."""
+    buffer = io.BytesIO()
+    with rc_context(_SETTINGS):
+        if image_format is ImageFormat.PNG:
+            figure.savefig(buffer, format="png", dpi=DOTS_PER_INCH, metadata={"Software": None})
+        else:
+            figure.savefig(buffer, format="svg", metadata={"Date": None})
+    return buffer.getvalue()
+
+
+def data_uri(content: bytes, image_format: ImageFormat = ImageFormat.PNG) -> str:
+    """An image as the `src` of an <img>, so that the page needs no second file."""
+    return f"data:{image_format.value};base64,{base64.b64encode(content).decode('ascii')}"

@@ -1,0 +1,104 @@
+"""Grids of panels over time, and bundles of many curves drawn as one collection."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from numpy.typing import NDArray
+
+from ampi.missions.mission import Mission
+from ampi.report.look import INK, LIMIT_COLOUR, new_figure
+from ampi.report.quantities import TIME, Quantity
+
+Array = NDArray[np.float64]
+
+PANEL_HEIGHT = 2.35  # inches
+FIGURE_WIDTH = 9.2  # inches
+
+
+def panel_grid(labels: Sequence[str], columns: int) -> tuple[Figure, list[Axes]]:
+    """A figure with one panel over time per label, `columns` side by side."""
+    rows = -(-len(labels) // columns)
+    figure = new_figure(FIGURE_WIDTH, PANEL_HEIGHT * rows + 0.4)
+    grid = figure.subplots(rows, columns, squeeze=False, sharex=True).ravel()
+    for axes, label in zip(grid, labels, strict=False):
+        axes.set_ylabel(label)
+    for axes in grid[len(labels) :]:
+        axes.remove()
+    panels = list(grid[: len(labels)])
+    for axes in panels[-columns:]:
+        axes.set_xlabel(TIME.label)
+        axes.tick_params(labelbottom=True)
+    figure.align_ylabels(panels)
+    return figure, panels
+
+
+def draw_bundle(
+    axes: Axes, x: Array, y: Array, colour: str, *, width: float = 0.5, alpha: float = 0.3
+) -> None:
+    """Curves y (n, k) over x ((k,) or (n, k)) as one collection; NaN points are left out."""
+    x = np.broadcast_to(x, y.shape)
+    finite = np.isfinite(x) & np.isfinite(y)
+    if not finite.any():
+        return
+    curves = [np.column_stack([a[f], b[f]]) for a, b, f in zip(x, y, finite, strict=True)]
+    axes.add_collection(
+        LineCollection(
+            [c for c in curves if len(c) > 1], colors=colour, linewidths=width, alpha=alpha
+        )
+    )
+    axes.update_datalim([(x[finite].min(), y[finite].min()), (x[finite].max(), y[finite].max())])
+    axes.autoscale_view()
+
+
+def draw_limits(axes: Axes, levels: Sequence[float]) -> None:
+    """Dashed horizontal lines at `levels`, in the panel's unit."""
+    for level in levels:
+        axes.axhline(level, color=LIMIT_COLOUR, linewidth=1.2, linestyle=(0, (5, 3)))
+
+
+def control_limits(mission: Mission) -> tuple[tuple[float, ...], ...]:
+    """Limits (SI, rad) of angle of attack, bank angle and bank rate."""
+    schedule, limits = mission.vehicle.angle_of_attack, mission.limits
+    return (
+        (schedule.start_angle, schedule.end_angle),
+        (-limits.bank_angle, limits.bank_angle),
+        (-limits.bank_rate, limits.bank_rate),
+    )
+
+
+def path_limits(mission: Mission) -> tuple[float, float, float]:
+    """Limits (SI) of dynamic pressure, heat flux and load factor."""
+    limits = mission.limits
+    return limits.dynamic_pressure, limits.heat_flux, limits.load_factor
+
+
+def draw_quantity_limits(axes: Axes, quantity: Quantity, levels: Sequence[float]) -> None:
+    """Dashed lines at `levels` (SI, rad) in a panel of `quantity`."""
+    draw_limits(axes, [level * quantity.per_si for level in levels])
+
+
+def line_key(label: str, colour: str, *, dashed: bool = False, width: float = 2.2) -> Line2D:
+    """A legend entry for a bundle, drawn opaque."""
+    style = (0, (5, 3)) if dashed else "-"
+    return Line2D([], [], color=colour, linewidth=width, linestyle=style, label=label)
+
+
+def limit_key() -> Line2D:
+    """The legend entry of limits."""
+    return line_key("limit", LIMIT_COLOUR, dashed=True, width=1.2)
+
+
+def marker_key(label: str, marker: str, colour: str = INK) -> Line2D:
+    """A legend entry for points."""
+    return Line2D([], [], color=colour, marker=marker, linestyle="none", markersize=6, label=label)
+
+
+def place_legend(figure: Figure, keys: Sequence[Line2D]) -> None:
+    """One legend for all panels, under them."""
+    figure.legend(handles=list(keys), loc="outside lower center", ncols=min(len(keys), 5))

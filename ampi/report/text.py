@@ -1,0 +1,52 @@
+"""The verdict for a terminal: one row per campaign, at most 100 characters wide."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from ampi.missions.mission import Mission
+from ampi.report.verdict_tables import Cell, Group, VerdictTable, verdict_tables
+from ampi.simulation.monte_carlo import Flights
+
+WIDTH = 100
+LABEL = 12  # characters of a campaign's name
+GAP = 2
+
+
+def verdict_text(mission: Mission, campaigns: Mapping[str, Flights]) -> str:
+    """Every verdict table as aligned text; the paper's rows are marked 2016."""
+    lines = [f"{mission.title}: {_flown(campaigns)}"]
+    for table in verdict_tables(mission, campaigns):
+        lines += ["", table.title.upper()]
+        for group in table.groups:
+            lines += _block(table, group)
+    return "\n".join(lines)
+
+
+def _flown(campaigns: Mapping[str, Flights]) -> str:
+    """How many flights, of which draws."""
+    kinds = sorted({f"{f.n} flights, {f.distribution}, seed {f.seed}" for f in campaigns.values()})
+    return f"{'; '.join(kinds)}; {len(campaigns)} campaigns"
+
+
+def _block(table: VerdictTable, group: Group) -> list[str]:
+    """A group, transposed: campaigns down, quantities across."""
+    texts = {label: [_text(cell) for cell in group.cells[label]] for label in table.columns}
+    widths = [
+        max(len(quantity), *(len(row[i]) for row in texts.values()))
+        for i, quantity in enumerate(group.quantities)
+    ]
+    lines = [group.name, _row("", group.quantities, widths)]
+    lines += [_row(label, row, widths) for label, row in texts.items()]
+    return lines
+
+
+def _row(label: str, texts: tuple[str, ...] | list[str], widths: list[int]) -> str:
+    cut = label if len(label) <= LABEL else label[: LABEL - 1] + "…"
+    cells = "".join(f"{' ' * GAP}{t:>{w}}" for t, w in zip(texts, widths, strict=True))
+    return f"{cut:<{LABEL}}{cells}"
+
+
+def _text(cell: Cell) -> str:
+    """The percentage where there is one; its sign stands in the group's heading."""
+    return cell.interval.replace(" %", "") if cell.interval else cell.value

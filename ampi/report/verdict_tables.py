@@ -1,0 +1,228 @@
+"""What the campaigns proved, as tables of text: one source for the terminal and for the page.
+
+Columns are campaigns, then the paper's printed numbers where it prints any for this mission. Every
+percentage carries its exact 95 % interval, the paper's too (computed here from its counts of 1000).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from ampi.missions.mission import Mission
+from ampi.onboard.reference import Mode
+from ampi.report.published import PAPER, PAPER_FLIGHTS, PAPER_MISSION, Printed
+from ampi.report.quantities import KILO
+from ampi.simulation.closed_loop import FlightStatus
+from ampi.simulation.monte_carlo import Flights
+from ampi.simulation.statistics import (
+    INNER_RADII,
+    TABLE_5_RADII,
+    Fraction,
+    Spread,
+    Verdict,
+    footprint_ratio,
+    judge,
+)
+
+FEWEST_FOR_RATIO = 30  # flights; below it the bootstrap draws degenerate ellipses
+NOTHING = "–"
+
+
+@dataclass(frozen=True)
+class Cell:
+    """A count with its percentage and interval, or a plain number."""
+
+    value: str
+    interval: str = ""
+
+    @classmethod
+    def of(cls, fraction: Fraction) -> Cell:
+        """Count and percentage of a fraction."""
+        return cls(str(fraction.count), str(fraction))
+
+
+@dataclass(frozen=True)
+class Group:
+    """Quantities that belong together: a row each, a cell per column of the table."""
+
+    name: str
+    quantities: tuple[str, ...]
+    cells: Mapping[str, tuple[Cell, ...]]  # column label → one cell per quantity
+
+
+@dataclass(frozen=True)
+class VerdictTable:
+    """Groups with the same columns, and what a reader must know to read them."""
+
+    title: str
+    note: str
+    groups: tuple[Group, ...]
+    flown: tuple[str, ...]
+    printed: tuple[str, ...] = ()
+
+    @property
+    def columns(self) -> tuple[str, ...]:
+        """Column labels: our campaigns, then the paper's."""
+        return self.flown + self.printed
+
+
+def verdict_tables(mission: Mission, campaigns: Mapping[str, Flights]) -> tuple[VerdictTable, ...]:
+    """Judge every campaign and set the verdicts side by side."""
+    verdicts = {name: judge(flights) for name, flights in campaigns.items()}
+    paper = PAPER if mission.name == PAPER_MISSION else ()
+    flown, printed = tuple(campaigns), tuple(p.label for p in paper)
+    return (
+        VerdictTable(
+            "Distance from the target",
+            "A flight that did not reach the target speed is outside every circle.",
+            (_rings(verdicts, paper), _within(verdicts, paper)),
+            flown,
+            printed,
+        ),
+        VerdictTable(
+            "Size of the final errors",
+            "Over the flights that reached the target speed. A flight ends where its speed equals "
+            "the target's, so our speed errors are those of locating that instant.",
+            _spreads(verdicts, paper),
+            flown,
+            printed,
+        ),
+        VerdictTable(
+            "Footprint",
+            "Area of the 95 % covariance ellipse, and its ratio to nominal tracking on the same "
+            "draws with a paired bootstrap interval. The paper does not say how it measured area.",
+            (_footprints(campaigns, verdicts, paper),),
+            flown,
+            printed,
+        ),
+        VerdictTable(
+            "Limits, hypercube and failures",
+            f"Path limits are read every {_recording_step(campaigns):g} s. Nominal tracking does "
+            "not look at the hypercube.",
+            _health(campaigns, verdicts),
+            flown,
+        ),
+    )
+
+
+def number(value: float) -> str:
+    """A number in as many digits as it deserves, never in powers of ten above one."""
+    if not np.isfinite(value):
+        return NOTHING
+    if abs(value) >= 100.0:
+        return f"{value:,.0f}"
+    if abs(value) >= 10.0:
+        return f"{value:.1f}"
+    return f"{value:.2g}" if value == 0.0 or abs(value) >= 1e-3 else f"{value:.1e}"
+
+
+def _printed_fraction(count: int) -> Cell:
+    return Cell.of(Fraction.of(np.arange(PAPER_FLIGHTS) < count))
+
+
+def _rings(verdicts: Mapping[str, Verdict], paper: tuple[Printed, ...]) -> Group:
+    edges = [f"{radius * KILO:g}" for radius in TABLE_5_RADII]
+    between = [f"{a} to {b} km" for a, b in pairwise(edges)]
+    cells = {name: tuple(Cell.of(f) for f in v.rings) for name, v in verdicts.items()}
+    cells |= {p.label: tuple(_printed_fraction(c) for c in p.rings) for p in paper}
+    return Group(
+        "Circles of Table 5, % of flights [95 % interval]",
+        (f"within {edges[0]} km", *between, "outside"),
+        cells,
+    )
+
+
+def _within(verdicts: Mapping[str, Verdict], paper: tuple[Printed, ...]) -> Group:
+    cells = {
+        name: tuple(Cell.of(v.within[radius]) for radius in INNER_RADII)
+        for name, v in verdicts.items()
+    }
+    for p in paper:
+        cells[p.label] = tuple(
+            _printed_fraction(p.within[r]) if r in p.within else Cell(NOTHING) for r in INNER_RADII
+        )
+    return Group(
+        "Within a radius, % of flights [95 % interval]",
+        tuple(f"within {radius * KILO:g} km" for radius in INNER_RADII),
+        cells,
+    )
+
+
+def _spreads(verdicts: Mapping[str, Verdict], paper: tuple[Printed, ...]) -> tuple[Group, ...]:
+    def group(name: str, ours: Mapping[str, Spread], worst: Mapping[str, float]) -> Group:
+        cells = {
+            key: (Cell(number(s.median)), Cell(number(s.percentile_99)), Cell(number(s.worst)))
+            for key, s in ours.items()
+        }
+        for key, value in worst.items():
+            cells[key] = (Cell(NOTHING), Cell(NOTHING), Cell(number(value)))
+        return Group(name, ("median", "99 %", "worst"), cells)
+
+    unprinted = {p.label: float("nan") for p in paper}
+    altitude = {p.label: p.worst_altitude for p in paper}
+    speed = {p.label: p.worst_speed for p in paper}
+    return (
+        group("Miss distance (m)", {k: v.miss for k, v in verdicts.items()}, unprinted),
+        group("Altitude error (m)", {k: v.altitude for k, v in verdicts.items()}, altitude),
+        group("Speed error (m/s)", {k: v.speed for k, v in verdicts.items()}, speed),
+    )
+
+
+def _footprints(
+    campaigns: Mapping[str, Flights], verdicts: Mapping[str, Verdict], paper: tuple[Printed, ...]
+) -> Group:
+    baseline = next((f for f in campaigns.values() if f.mode is Mode.NOMINAL), None)
+    cells = {
+        name: (Cell(number(verdicts[name].footprint_area * KILO**2)), _ratio(flights, baseline))
+        for name, flights in campaigns.items()
+    }
+    for p in paper:
+        cells[p.label] = (Cell(number(p.area)), Cell(p.area_ratio or NOTHING))
+    return Group("Footprint", ("area (km²)", "of nominal's area"), cells)
+
+
+def _ratio(flights: Flights, baseline: Flights | None) -> Cell:
+    """Area over nominal's with its interval, where both were flown on the same draws."""
+    if baseline is None or flights is baseline:
+        return Cell(NOTHING)
+    same = np.array_equal(flights.entry_states, baseline.entry_states)
+    if not same or np.count_nonzero(flights.reached & baseline.reached) < FEWEST_FOR_RATIO:
+        return Cell(NOTHING)
+    return Cell(str(footprint_ratio(flights, baseline)))
+
+
+def _health(campaigns: Mapping[str, Flights], verdicts: Mapping[str, Verdict]) -> tuple[Group, ...]:
+    shares, peaks, failures = {}, {}, {}
+    failed = {s: _words(s.name) for s in FlightStatus if s is not FlightStatus.REACHED_SPEED}
+    for name, v in verdicts.items():
+        flights = campaigns[name]
+        outside = Cell(NOTHING) if flights.mode is Mode.NOMINAL else Cell.of(v.clipped)
+        shares[name] = (Cell.of(v.reached), Cell.of(v.limits_kept), outside)
+        peaks[name] = tuple(Cell(f"{100.0 * s.worst:.1f}") for s in v.peak.values())
+        failures[name] = tuple(
+            Cell(str(np.count_nonzero(flights.status == int(s)))) for s in failed
+        )
+    loads = next(iter(verdicts.values())).peak
+    return (
+        Group(
+            "% of flights [95 % interval]",
+            ("target speed reached", "all limits kept", "outside hypercube"),
+            shares,
+        ),
+        Group("Worst path load, % of limit", tuple(map(_words, loads)), peaks),
+        Group("Failures, flights", tuple(failed.values()), failures),
+    )
+
+
+def _words(name: str) -> str:
+    """A name of the code as a reader writes it."""
+    return name.lower().replace("_", " ")
+
+
+def _recording_step(campaigns: Mapping[str, Flights]) -> float:
+    """Greatest spacing (s) of the recorded points."""
+    return max(float(np.diff(f.times).max()) for f in campaigns.values())

@@ -1,0 +1,143 @@
+"""Building: resume, failures as records, the same file whatever the workers."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import database
+from ampi.dataset import DatasetError, partial_folder, read_dataset
+from ampi.loading import load_guidance
+from ampi.missions.mission import Mission, parse_mission
+from ampi.trajectory import Status
+from database.build import BuildError
+from database.continuation import layers
+from database.grid import Grid
+from database.jobs import run_layer, solve_case
+
+
+def test_file_is_the_same_for_any_number_of_workers(
+    small_mission: Mission, small_database: Path, tmp_path: Path
+) -> None:
+    one = tmp_path / "one.h5"
+    database.build(small_mission, one, n_jobs=1)
+    first, second = read_dataset(small_database), read_dataset(one)
+    assert first.attributes["content_sha256"] == second.attributes["content_sha256"]
+    assert small_database.read_bytes() == one.read_bytes()
+
+
+def test_interrupted_build_resumes_to_the_same_file(
+    small_mission: Mission, small_database: Path, tmp_path: Path
+) -> None:
+    path = tmp_path / "resumed.h5"
+
+    class Interrupted(Exception):
+        pass
+
+    done = 0
+
+    def interrupt(count: int) -> None:
+        nonlocal done
+        done += count
+        if done >= 4:
+            raise Interrupted
+
+    with pytest.raises(Interrupted):
+        database.build(small_mission, path, n_jobs=2, advance=interrupt)
+    assert not path.exists()
+    kept = len(list(partial_folder(path).glob("case_*.npz")))
+    assert 4 <= kept < 9
+    with pytest.raises(DatasetError, match="not finished .* same build command"):
+        load_guidance(path)
+    report = database.build(small_mission, path, n_jobs=2)
+    assert report.resumed >= kept
+    assert report.solved == 9
+    assert not partial_folder(path).exists()
+    assert path.read_bytes() == small_database.read_bytes()
+
+
+def test_a_damaged_record_is_solved_again(
+    small_mission: Mission, small_database: Path, tmp_path: Path
+) -> None:
+    path = tmp_path / "damaged.h5"
+    folder = partial_folder(path)
+    with pytest.raises(ZeroDivisionError):
+        database.build(
+            small_mission, path, n_jobs=1, advance=lambda count: 1 // 0 if count else None
+        )
+    record = sorted(folder.glob("case_*.npz"))[0]
+    record.write_bytes(record.read_bytes()[:100])
+    report = database.build(small_mission, path, n_jobs=1)
+    assert report.resumed == 0
+    assert path.read_bytes() == small_database.read_bytes()
+
+
+def test_a_folder_of_another_build_is_refused(small_mission: Mission, tmp_path: Path) -> None:
+    path = tmp_path / "other.h5"
+    other = parse_mission(small_mission.toml.replace("mass_kg = 500.0", "mass_kg = 499.0"))
+    with pytest.raises(ZeroDivisionError):
+        database.build(other, path, n_jobs=1, advance=lambda count: 1 // 0 if count else None)
+    with pytest.raises(BuildError, match=r"another build \(different mission_sha256\)"):
+        database.build(small_mission, path)
+
+
+def test_a_missing_folder_is_named(small_mission: Mission, tmp_path: Path) -> None:
+    with pytest.raises(BuildError, match="the folder .*absent does not exist"):
+        database.build(small_mission, tmp_path / "absent" / "a.h5")
+
+
+def test_a_case_out_of_reach_is_a_record_and_the_file_cannot_fly(
+    small_mission: Mission, tmp_path: Path
+) -> None:
+    """The steep corner cannot keep a load-factor limit that the others keep."""
+    text = small_mission.toml.replace("load_factor_g = 10.0", "load_factor_g = 8.0")
+    path = tmp_path / "holes.h5"
+    report = database.build(parse_mission(text), path, n_jobs=2)
+    dataset = read_dataset(path)
+    assert 0 < report.solved < report.cases
+    assert len(report.failures) == report.cases - report.solved
+    failed = ~dataset.solved
+    assert np.all(np.isnan(dataset.final_time[failed]))
+    assert np.all(np.isnan(dataset.states[failed]))
+    assert np.all(dataset.status[failed] != int(Status.SOLVED))
+    for message in dataset.message[failed]:
+        assert message.decode().startswith("from case")
+    with pytest.raises(DatasetError, match=r"cases have no solution.*holes cannot fly"):
+        load_guidance(path)
+
+
+def test_an_exception_in_a_worker_is_a_record(
+    small_mission: Mission, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def explode(*_: object, **__: object) -> None:
+        raise RuntimeError("boom")
+
+    monkeypatch.setattr("database.jobs.solve", explode)
+    planned = layers(Grid.from_mission(small_mission))[0][0]
+    assert solve_case(small_mission.toml, str(tmp_path), planned) == planned.case
+    with np.load(tmp_path / f"case_{planned.case:06d}.npz") as data:
+        assert int(data["counts"][0]) == int(Status.ERROR)
+        assert "RuntimeError: boom" in str(data["message"])
+
+
+def test_a_half_written_record_is_never_seen(small_mission: Mission, tmp_path: Path) -> None:
+    planned = layers(Grid.from_mission(small_mission))[0]
+    seen: list[int] = []
+    run_layer(small_mission.toml, tmp_path, planned, n_jobs=1, advance=seen.append)
+    assert seen == [1]
+    assert [f.name for f in tmp_path.iterdir()] == [f"case_{planned[0].case:06d}.npz"]
+
+
+def test_an_existing_file_survives_a_failed_rebuild(
+    small_mission: Mission, small_database: Path, tmp_path: Path
+) -> None:
+    path = tmp_path / "kept.h5"
+    shutil.copy(small_database, path)
+    with pytest.raises(ZeroDivisionError):
+        database.build(
+            small_mission, path, n_jobs=1, advance=lambda count: 1 // 0 if count else None
+        )
+    assert path.read_bytes() == small_database.read_bytes()

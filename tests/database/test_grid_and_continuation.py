@@ -1,0 +1,43 @@
+"""The grid of Eq. (9) and the order in which it is solved."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ampi.missions.mission import load_mission
+from database.continuation import layers
+from database.grid import Grid
+
+
+def test_shefex3_grid_is_the_hexeract_of_eq_9() -> None:
+    grid = Grid.from_mission(load_mission("shefex3"))
+    assert grid.shape == (3,) * 6
+    assert grid.size == 729
+    assert grid.centre == (1,) * 6
+    np.testing.assert_allclose(
+        [axis[2] - axis[1] for axis in grid.axes],
+        [250.0, *np.radians([0.5, 0.5]), 70.0, *np.radians([0.5, 0.5])],
+    )
+
+
+def test_layers_hold_every_case_once_and_neighbours_come_earlier() -> None:
+    grid = Grid.from_mission(load_mission("shefex3"))
+    done: set[int] = set()
+    plan = layers(grid)
+    assert [len(layer) for layer in plan] == [1, 12, 60, 160, 240, 192, 64]
+    for layer in plan:
+        for planned in layer:
+            assert set(planned.neighbours) <= done
+            here = np.array(np.unravel_index(planned.case, grid.shape))
+            for neighbour in planned.neighbours:
+                there = np.array(np.unravel_index(neighbour, grid.shape))
+                assert np.abs(here - there).sum() == 1
+        done |= {planned.case for planned in layer}
+    assert done == set(range(grid.size))
+
+
+def test_points_are_in_c_order() -> None:
+    grid = Grid.from_mission(load_mission("shefex3"))
+    full = np.stack(np.meshgrid(*grid.axes, indexing="ij"), axis=-1).reshape(-1, 6)
+    for case in (0, 1, 364, 728):
+        np.testing.assert_array_equal(grid.point(case), full[case])

@@ -1,0 +1,144 @@
+"""The command line as a newcomer types it, on a small grid: from a mission file to a verdict."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from ampi.missions.mission import load_mission
+
+SMALL_GRID = """[grid]
+speed_m_per_s = [-70.0, 0.0, 70.0]
+flight_path_angle_deg = [-0.5, 0.0, 0.5]
+"""
+
+
+def run(*arguments: str | Path, cwd: Path, code: int = 0) -> subprocess.CompletedProcess[str]:
+    done = subprocess.run(
+        [sys.executable, "-m", "ampi.cli", *map(str, arguments)],
+        cwd=cwd,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == code, done.stdout + done.stderr
+    assert "Traceback" not in done.stderr
+    return done
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with a mission file and its database, made by `ampi build`."""
+    where = tmp_path_factory.mktemp("cli")
+    text = load_mission("shefex3").toml
+    (where / "small.toml").write_text(text[: text.index("[grid]")] + SMALL_GRID)
+    built = run("build", "small.toml", "small.h5", cwd=where)
+    assert "9 of 9 cases solved" in built.stdout
+    assert built.stderr == ""  # no progress bar where there is no terminal
+    return where
+
+
+def test_missions_lists_what_is_shipped(tmp_path: Path) -> None:
+    assert "shefex3" in run("missions", cwd=tmp_path).stdout
+
+
+def test_solve_prints_csv_plot_and_json(tmp_path: Path) -> None:
+    done = run(
+        "solve", "shefex3", "--csv", "optimum.csv", "--plot", "optimum.png", "--json", cwd=tmp_path
+    )
+    summary = json.loads(done.stdout)
+    assert summary["status"] == "SOLVED"
+    assert summary["iterations"] <= 25
+    assert summary["reintegrated_position_error_m"] < 10.0
+    rows = (tmp_path / "optimum.csv").read_text().splitlines()
+    assert rows[0].startswith("time_s,altitude_m,longitude_deg")
+    assert abs(float(rows[1].split(",")[1]) - 100_100.0) < 1e-6
+    assert (tmp_path / "optimum.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_audit_in_words_and_in_json(folder: Path) -> None:
+    assert "9 solved" in run("audit", "small.h5", "--probes", "0", cwd=folder).stdout
+    numbers = json.loads(run("audit", "small.h5", "--probes", "2", "--json", cwd=folder).stdout)
+    assert numbers["position_error"]["worst"] < 10.0
+    assert set(numbers["interpolation"]) == {"mpi", "ampi", "quadratic"}
+
+
+def test_guide_writes_the_reference_of_an_entry(folder: Path) -> None:
+    done = run(
+        "guide", "small.h5", "--speed", "4740", "--csv", "r.csv", "--plot", "r.png", cwd=folder
+    )
+    assert "final time" in done.stdout
+    table = np.genfromtxt(folder / "r.csv", delimiter=",", names=True)
+    assert len(table) == 601
+    assert table["speed_m_per_s"][0] == pytest.approx(4740.0)
+    assert table["speed_m_per_s"][-1] == pytest.approx(595.0, abs=1.0)
+
+
+def test_guide_flags_an_entry_outside(folder: Path) -> None:
+    done = run("guide", "small.h5", "--speed", "5000", cwd=folder)
+    assert "outside the hypercube in speed: boundary trajectory" in done.stdout
+
+
+def test_fly_and_report(folder: Path) -> None:
+    told = run("fly", "small.h5", "-n", "20", "--output", "flights.npz", cwd=folder).stdout
+    assert "25 km" in told
+    numbers = json.loads(
+        run("fly", "small.h5", "-n", "20", "--modes", "ampi", "--json", cwd=folder).stdout
+    )
+    assert numbers["ampi"]["n"] == 20
+    run("report", "small.h5", "flights.npz", "--output", "report.html", cwd=folder)
+    page = (folder / "report.html").read_text(encoding="utf-8")
+    assert "surrogate" in page
+    assert "<img" in page or "<svg" in page
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (("solve", "shefex4"), "expected one of shefex3"),
+        (("build", "shefex3", "absent/a.h5"), "the folder absent does not exist"),
+        (("audit", "absent.h5"), "absent.h5: no such file; make one with: ampi build"),
+        (("guide", "small.h5", "--mode", "best"), "'best' is not a valid Mode"),
+        (("fly", "small.h5", "--distribution", "cauchy"), "'cauchy' is not a valid Distribution"),
+        (("report", "small.h5", "absent.npz"), "absent.npz"),
+    ],
+)
+def test_misuse_is_one_sentence(folder: Path, arguments: tuple[str, ...], message: str) -> None:
+    done = run(*arguments, cwd=folder, code=2)
+    assert message in done.stderr
+    assert done.stderr.startswith("error:")
+
+
+def test_a_target_out_of_reach_is_a_status(tmp_path: Path) -> None:
+    text = load_mission("shefex3").toml.replace("longitude_deg = -45.75", "longitude_deg = -120.0")
+    (tmp_path / "far.toml").write_text(text)
+    assert "out of reach" in run("solve", "far.toml", cwd=tmp_path, code=1).stdout
+
+
+def test_control_c_keeps_the_cases_and_says_how_to_go_on(tmp_path: Path) -> None:
+    process = subprocess.Popen(
+        [sys.executable, "-m", "ampi.cli", "build", "shefex3", "big.h5"],
+        cwd=tmp_path,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+    )
+    records = tmp_path / "big.h5.partial"
+    while process.poll() is None and len(list(records.glob("case_*.npz"))) < 5:
+        time.sleep(0.1)
+    os.killpg(process.pid, signal.SIGINT)
+    _, told = process.communicate()
+    assert process.returncode == 130, told
+    assert "solved cases are kept in big.h5.partial" in told
+    assert "To continue: ampi build shefex3 big.h5" in told
+    assert not (tmp_path / "big.h5").exists()
+    assert len(list(records.glob("case_*.npz"))) >= 5
