@@ -111,5 +111,6 @@ class Trajectory:
             "final_longitude_deg": float(np.degrees(lon)),
             "final_latitude_deg": float(np.degrees(lat)),
             "final_speed_m_per_s": v,
+            "greatest_limit_excess": max(self.statistics.limit_excess),
             "solve_seconds": self.statistics.solve_seconds,
         }

@@ -85,7 +85,6 @@ def database_exhibits(mission: Mission, table: GuidanceTable) -> tuple[Exhibit, 
 def campaign_exhibits(mission: Mission, campaigns: Mapping[str, Flights]) -> tuple[Exhibit, ...]:
     """The Monte-Carlo campaigns, Figs. 11–19."""
     pair = " and ".join(over_time.compared(campaigns))
-    every = ", ".join(over_time.back_to_front(campaigns))
     return (
         Exhibit(
             "campaign-states",
@@ -119,6 +118,22 @@ def campaign_exhibits(mission: Mission, campaigns: Mapping[str, Flights]) -> tup
             "entry points to the target; an inset in kilometres shows where they end.",
             lambda: over_time.campaign_ground_tracks(mission, campaigns),
         ),
+        *_end_exhibits(mission, campaigns),
+        Exhibit(
+            "campaign-constraints",
+            "Flights: path constraints",
+            "Dynamic pressure, heat flux and load factor as flown, with limits. After Fig. 19.",
+            f"Three panels over time: dynamic pressure, heat flux and load factor of every flight "
+            f"of {pair} against their dashed limits.",
+            lambda: over_time.campaign_constraints(mission, campaigns),
+        ),
+    )
+
+
+def _end_exhibits(mission: Mission, campaigns: Mapping[str, Flights]) -> tuple[Exhibit, ...]:
+    """Where the flights end, Figs. 15–18."""
+    every = ", ".join(over_time.back_to_front(campaigns))
+    return (
         Exhibit(
             "footprint",
             "Footprint",
@@ -134,13 +149,5 @@ def campaign_exhibits(mission: Mission, campaigns: Mapping[str, Flights]) -> tup
             f"Three histograms for {every}: final altitude error, final speed error, and range to "
             "go with the radii 6.5, 13 and 25 kilometres marked.",
             lambda: at_the_end.campaign_histograms(mission, campaigns),
-        ),
-        Exhibit(
-            "campaign-constraints",
-            "Flights: path constraints",
-            "Dynamic pressure, heat flux and load factor as flown, with limits. After Fig. 19.",
-            f"Three panels over time: dynamic pressure, heat flux and load factor of every flight "
-            f"of {pair} against their dashed limits.",
-            lambda: over_time.campaign_constraints(mission, campaigns),
         ),
     )

@@ -33,8 +33,9 @@ class TrackBundle:
     alpha: float = 0.3
 
     def final_offsets(self, mission: Mission) -> Array:
-        """End points (n, 2) east and north of the target (m), on its tangent plane."""
-        return tangent_plane(mission, self.final[:, 0], self.final[:, 1])
+        """Finite end points (≤ n, 2) east and north of the target (m), on its tangent plane."""
+        offsets = tangent_plane(mission, self.final[:, 0], self.final[:, 1])
+        return offsets[np.isfinite(offsets).all(axis=1)]
 
 
 def tangent_plane(mission: Mission, longitude: Array, latitude: Array) -> Array:
@@ -62,7 +63,7 @@ def draw_target_window(
 ) -> None:
     """An inset around the target that holds `percentile` of the end points of every bundle."""
     offsets = [b.final_offsets(mission) for b in bundles]
-    distances = [np.linalg.norm(o[np.isfinite(o).all(axis=1)], axis=1) for o in offsets]
+    distances = [np.linalg.norm(o, axis=1) for o in offsets]
     reach = max((float(np.percentile(d, percentile)) for d in distances if len(d)), default=0.0)
     half = max(1.2 * reach, SMALLEST_WINDOW) * EAST.per_si
     inset = axes.inset_axes(_emptiest_corner(bundles))

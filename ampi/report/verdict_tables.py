@@ -94,15 +94,16 @@ def verdict_tables(mission: Mission, campaigns: Mapping[str, Flights]) -> tuple[
         VerdictTable(
             "Footprint",
             "Area of the 95 % covariance ellipse, and its ratio to nominal tracking on the same "
-            "draws with a paired bootstrap interval. The paper does not say how it measured area.",
+            "draws with a paired bootstrap interval. The paper does not say how it measured area. "
+            "A covariance follows its outliers: read the area beside the circles.",
             (_footprints(campaigns, verdicts, paper),),
             flown,
             printed,
         ),
         VerdictTable(
             "Limits, hypercube and failures",
-            f"Path limits are read every {_recording_step(campaigns):g} s. Nominal tracking does "
-            "not look at the hypercube.",
+            f"Path limits are read every {_recording_step(campaigns):g} s; peaks between two "
+            "readings are missed. Nominal tracking does not look at the hypercube.",
             _health(campaigns, verdicts),
             flown,
         ),

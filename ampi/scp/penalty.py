@@ -2,8 +2,8 @@
 
     merit = effort + φ_ν(e) + ρ Σ_k max(0, max_i g_ik − 1)                      (1)
 
-ρ must exceed the sum of the limits' multipliers; it grows to twice their measured sum and, while an
-excess stays open at convergence, tenfold. It never shrinks.
+ρ must exceed the sum of the limits' multipliers. It starts far above those of an ordinary mission
+and, where an excess stays open at convergence, grows once; it never shrinks.
 """
 
 from __future__ import annotations
@@ -21,8 +21,8 @@ class PenaltySettings:
     """In units of the reference effort; the limits are scaled to one."""
 
     initial: float = 20.0
-    growth: float = 10.0
-    growths: int = 5  # before a limit counts as one that cannot be kept
+    growth: float = 30.0
+    growths: int = 1  # before a limit counts as one that cannot be kept
     tolerance: float = 1e-6  # excess counted as open
 
 

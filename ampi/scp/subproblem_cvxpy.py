@@ -85,8 +85,13 @@ def solve_subproblem_cvxpy(
     if extra_constraints is not None:
         constraints.extend(extra_constraints(z))
 
+    if solver not in cp.installed_solvers():
+        raise ValueError(f"solver: expected one of {cp.installed_solvers()}, got {solver!r}")
     program = cp.Problem(cp.Minimize(effort + miss + excess), constraints)
-    program.solve(solver=solver)
+    try:
+        program.solve(solver=solver)
+    except cp.error.SolverError:  # the solver gave up: an outcome, not a misuse
+        return _unsolved(problem, "solver_error")
     if z.value is None or s.value is None:
         return _unsolved(problem, str(program.status))
     return Step(

@@ -22,6 +22,7 @@ from ampi.trajectory import Trajectory
 
 Array = NDArray[np.float64]
 STEP = 1e-4
+EVERYTHING = np.ones(4, dtype=bool)
 
 
 @pytest.fixture(scope="module")
@@ -45,7 +46,7 @@ def convex(
         optimum,
         linearised,
         multipliers,
-        gauss_newton=False,
+        met=EVERYTHING,
         settings=CurvatureSettings(screening=0.5),
     )
 
@@ -99,7 +100,7 @@ def test_hessian_on_the_tangent_space_is_that_of_the_lagrangian(
     def gradient(at: Point) -> Array:
         there = flight.linearise(at.iterate)
         model = quadratic_subproblem(
-            flight, at, there, multipliers, gauss_newton=True, settings=CurvatureSettings()
+            flight, at, there, multipliers, met=None, settings=CurvatureSettings()
         )
         return model.gradient + model.target_map.T @ multipliers.target
 
@@ -118,13 +119,13 @@ def test_hessians_are_positive_definite(
     there = flight.linearise(constant_bank_point.iterate)
     rng = np.random.default_rng(0)
     wild = replace(Multipliers.zero(flight.problem.mesh.n_nodes), target=1e4 * rng.normal(size=4))
-    for gauss_newton in (True, False):
+    for met in (None, EVERYTHING, np.array([True, False, True, False])):
         other = quadratic_subproblem(
             flight,
             constant_bank_point,
             there,
             wild,
-            gauss_newton=gauss_newton,
+            met=met,
             settings=CurvatureSettings(),
         )
         assert np.linalg.eigvalsh(other.hessian)[0] > 0.0
@@ -138,7 +139,7 @@ def test_gauss_newton_is_the_effort_alone(flight: Flight, constant_bank_point: P
         point,
         flight.linearise(point.iterate),
         Multipliers.zero(flight.problem.mesh.n_nodes),
-        gauss_newton=True,
+        met=None,
         settings=CurvatureSettings(free_variables=10.0),
     )
     z = np.zeros(len(model.gradient))
@@ -177,7 +178,7 @@ def test_rows_of_the_path_limits_move_with_the_final_time(
         point,
         linearised,
         Multipliers.zero(flight.problem.mesh.n_nodes),
-        gauss_newton=True,
+        met=None,
         settings=CurvatureSettings(screening=0.01),
     )
     node, kind = convex.path_node, convex.path_kind

@@ -7,6 +7,8 @@ from dataclasses import replace
 import cvxpy as cp
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from ampi.missions import Mission
@@ -39,7 +41,7 @@ def model_at(
         point,
         linearised,
         multipliers,
-        gauss_newton=gauss_newton,
+        met=None if gauss_newton else np.ones(4, dtype=bool),
         settings=CurvatureSettings(),
     )
     final_time = point.iterate.final_time
@@ -227,9 +229,64 @@ def test_the_cvxpy_form_agrees_after_a_second_order_correction(convex: ConvexSub
     agree(solve_subproblem(shifted), solve_subproblem_cvxpy(shifted), shifted)
 
 
-def test_another_solver_agrees(convex: ConvexSubproblem) -> None:
-    direct, other = solve_subproblem(convex), solve_subproblem_cvxpy(convex, solver="HIGHS")
-    assert objective(convex, other.z) == pytest.approx(objective(convex, direct.z), rel=1e-5)
+def small_subproblem(seed: int, price: float) -> ConvexSubproblem:
+    """A random subproblem of 8 variables, 5 nodes and 6 path rows, of order one throughout."""
+    rng = np.random.default_rng(seed)
+    root = rng.normal(size=(8, 8))
+    return ConvexSubproblem(
+        hessian=root @ root.T + np.eye(8),
+        gradient=rng.normal(size=8),
+        target_map=rng.normal(size=(4, 8)),
+        target_error=rng.normal(size=4),
+        target_weights=rng.uniform(1.0, 10.0, 4),
+        target_price=price * rng.uniform(1.0, 2.0, 4),
+        rate_rows=rng.normal(size=(5, 8)),
+        rate=rng.uniform(-0.9, 0.9, 5),
+        bank_rows=rng.normal(size=(5, 8)),
+        bank_lower=-rng.uniform(0.1, 1.0, 5),
+        bank_upper=rng.uniform(0.1, 1.0, 5),
+        final_time_column=6,
+        radius=0.3,
+        path_rows=rng.normal(size=(6, 8)),
+        path_room=rng.uniform(-0.1, 0.3, 6),
+        path_kind=rng.integers(0, 3, 6),
+        path_node=rng.integers(0, 5, 6),
+        limit_penalty=3.0,
+    )
+
+
+@settings(deadline=None, max_examples=25)
+@given(
+    seed=st.integers(0, 2**32 - 1),
+    price=st.sampled_from([0.1, 1.0, 100.0]),
+    solver=st.sampled_from(["CLARABEL", "HIGHS"]),
+)
+def test_both_forms_and_another_solver_agree_on_random_subproblems(
+    seed: int, price: float, solver: str
+) -> None:
+    convex = small_subproblem(seed, price)
+    direct, other = solve_subproblem(convex), solve_subproblem_cvxpy(convex, solver=solver)
+    assert violation(convex, direct.z) < 1e-6
+    assert np.abs(direct.z - other.z).max() < 1e-4
+    best = objective(convex, direct.z)
+    assert objective(convex, other.z) == pytest.approx(best, rel=1e-5, abs=1e-5)
+
+
+def test_a_solver_that_gives_up_is_a_status(
+    convex: ConvexSubproblem, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def gives_up(*_: object, **__: object) -> None:
+        raise cp.error.SolverError("failed")
+
+    monkeypatch.setattr(cp.Problem, "solve", gives_up)
+    step = solve_subproblem_cvxpy(convex)
+    assert step.status == "solver_error"
+    assert not step.usable
+
+
+def test_an_unknown_solver_is_named(convex: ConvexSubproblem) -> None:
+    with pytest.raises(ValueError, match="solver: expected one of .*CLARABEL.*, got 'CPLEXX'"):
+        solve_subproblem_cvxpy(convex, solver="CPLEXX")
 
 
 def test_a_further_constraint_is_kept_and_costs(convex: ConvexSubproblem) -> None:

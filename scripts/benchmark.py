@@ -1,0 +1,284 @@
+"""Measure what the README claims, and write its results table.
+
+python scripts/benchmark.py                      print the table
+python scripts/benchmark.py --readme README.md   replace the table between its two markers
+python scripts/benchmark.py --json               print the numbers
+python scripts/benchmark.py --fresh              also time `make demo` in a clean clone
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import platform
+import resource
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+import ampi
+from ampi.dataset import read_dataset
+from ampi.simulation.reintegration import reintegrate
+from database.audit import audit
+
+BEGIN, END = "<!-- results: begin -->", "<!-- results: end -->"
+JOBS = 2
+ROOT = Path(__file__).resolve().parent.parent
+
+# 90th percentiles that a prototype of the same method reached: the floor, not the goal.
+FLOOR = {
+    "mpi": (405.0, 14.6, 3.9, 0.71, 19.0),
+    "ampi": (103.0, 3.8, 0.66, 0.11, 3.7),
+}
+
+
+def nominal_solution() -> dict[str, Any]:
+    """The nominal optimum from the mission's constant bank angle."""
+    mission = ampi.load_mission("shefex3")
+    optimum = ampi.solve(mission)
+    seconds = [ampi.solve(mission).statistics.solve_seconds for _ in range(5)]
+    check = reintegrate(mission, optimum)
+    end = check.states[0, :, -1] - optimum.states[:6, -1]
+    radius = mission.flight_model.planet.equatorial_radius
+    horizontal = radius * np.hypot(end[1] * np.cos(optimum.states[2, -1]), end[2])
+    return {
+        "status": optimum.status.name,
+        "iterations": optimum.statistics.iterations,
+        "nodes": optimum.mesh.n_nodes,
+        "final_position_error_m": float(np.hypot(horizontal, end[0])),
+        "final_altitude_error_m": float(abs(end[0])),
+        "final_speed_error_m_per_s": float(abs(end[3])),
+        "greatest_position_error_m": float(check.position_error[0]),
+        "greatest_altitude_error_m": float(check.altitude_error[0]),
+        "greatest_speed_error_m_per_s": float(check.speed_error[0]),
+        "median_seconds": float(np.median(seconds)),
+    }
+
+
+def build_database(path: Path) -> dict[str, Any]:
+    """The full 3^6 build, in a process of its own so that its memory is its own."""
+    began = time.perf_counter()
+    done = subprocess.run(
+        [
+            sys.executable,
+            "-m",
+            "ampi.cli",
+            "build",
+            "shefex3",
+            str(path),
+            "--jobs",
+            str(JOBS),
+            "--json",
+        ],
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    report = json.loads(done.stdout)
+    report["command_seconds"] = time.perf_counter() - began
+    # Largest single process; the driver and every worker are at most that large.
+    largest = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss * 1024
+    report["peak_memory_bound_MiB"] = (JOBS + 1) * largest / 2**20
+    report["file_MB"] = path.stat().st_size / 1e6
+    return report
+
+
+def online_latency(path: Path) -> dict[str, float]:
+    """Median time of one reference (cell, interpolation, LD→HD to 601 points), in µs."""
+    mission = read_dataset(path).mission
+    entries = ampi.Dispersions.from_mission(mission).draw(mission, 500, seed=1)
+    found = {}
+    for mode in ampi.Mode:
+        guidance = ampi.load_guidance(path, mode=mode)
+        samples = []
+        for entry in entries:
+            began = time.perf_counter()
+            guidance.reference(entry)
+            samples.append(time.perf_counter() - began)
+        found[mode.value] = 1e6 * float(np.median(samples))
+    return found
+
+
+def campaigns(path: Path) -> dict[str, Any]:
+    """1000 closed-loop flights per mode on the same draws."""
+    mission = read_dataset(path).mission
+    guidance = ampi.load_guidance(path)
+    found: dict[str, Any] = {}
+    for mode in ampi.Mode:
+        began = time.perf_counter()
+        flights = ampi.fly(mission, guidance.in_mode(mode), n=1000, n_jobs=JOBS)
+        verdict = ampi.judge(flights)
+        found[mode.value] = {**verdict.as_dict(), "seconds": time.perf_counter() - began}
+    return found
+
+
+def fresh_demo() -> float:
+    """Seconds of `git clone` and `make demo`, installation included, in an empty folder."""
+    with tempfile.TemporaryDirectory() as folder:
+        environment = {k: v for k, v in os.environ.items() if k != "VIRTUAL_ENV"}
+        began = time.perf_counter()
+        subprocess.run(["git", "clone", "--quiet", str(ROOT), f"{folder}/ampi"], check=True)
+        subprocess.run(
+            ["make", "demo"],
+            cwd=f"{folder}/ampi",
+            check=True,
+            env=environment,
+            stdout=subprocess.DEVNULL,
+        )
+        return time.perf_counter() - began
+
+
+def measure(*, fresh: bool, probes: int) -> dict[str, Any]:
+    """Everything, in one run."""
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "shefex3.h5"
+        found: dict[str, Any] = {"nominal": nominal_solution(), "build": build_database(path)}
+        found["audit"] = audit(read_dataset(path), probes=probes, n_jobs=JOBS).as_dict()
+        found["latency_us"] = online_latency(path)
+        found["flights"] = campaigns(path)
+    if fresh:
+        found["fresh_demo_seconds"] = fresh_demo()
+    found["machine"] = f"{os.cpu_count()} cores, Python {platform.python_version()}"
+    return found
+
+
+def table(found: dict[str, Any]) -> str:
+    """The README's results table."""
+    nominal, build, checks = found["nominal"], found["build"], found["audit"]
+    flights = found["flights"]["ampi"]
+    within_25, within_3 = flights["within"]["25000.0"], flights["within"]["3000.0"]
+    limit = max(checks["limits"].values())
+    rows = [
+        (
+            "nominal solution from a constant bank angle",
+            "≤ 25 iterations, ≤ 64 nodes",
+            f"{nominal['iterations']} iterations, {nominal['nodes']} nodes, "
+            f"{1e3 * nominal['median_seconds']:.0f} ms",
+        ),
+        (
+            "… re-integrated (DOP853), at the end",
+            "10 m, altitude 2 m, 0.05 m/s",
+            f"{nominal['final_position_error_m']:.2f} m, {nominal['final_altitude_error_m']:.2f} m, "
+            f"{nominal['final_speed_error_m_per_s']:.4f} m/s",
+        ),
+        (
+            "… greatest along the flight",
+            "–",
+            f"{nominal['greatest_position_error_m']:.1f} m, "
+            f"{nominal['greatest_altitude_error_m']:.1f} m, "
+            f"{nominal['greatest_speed_error_m_per_s']:.2f} m/s",
+        ),
+        ("database: cases solved", "729 of 729", f"{build['solved']} of {build['cases']}"),
+        (
+            "… re-integrated position error, worst case",
+            "50 m",
+            f"{checks['position_error']['worst']:.1f} m",
+        ),
+        (
+            "… limits between the nodes, greatest use",
+            "≤ 100.5 %",
+            f"{100 * limit:.1f} %",
+        ),
+        ("build, 2 processes", "60 s", f"{build['command_seconds']:.1f} s"),
+        (
+            "… memory of all processes, upper bound",
+            "1024 MiB",
+            f"{build['peak_memory_bound_MiB']:.0f} MiB",
+        ),
+        (
+            "… iterations from a neighbour, median (worst)",
+            "6",
+            f"{build['median_iterations']:.0f} ({build['worst_iterations']})",
+        ),
+        (
+            "one reference online, AMPI, 601 points",
+            "200 µs",
+            f"{found['latency_us']['ampi']:.0f} µs "
+            f"(quadratic: {found['latency_us']['quadratic']:.0f} µs)",
+        ),
+        ("1000 closed-loop flights, 2 processes", "30 s", f"{flights['seconds']:.1f} s"),
+        ("AMPI within 25 km", "1000", f"{within_25['count']} of {within_25['n']}"),
+        (
+            "AMPI within 3 km",
+            "99 %",
+            f"{100 * within_3['count'] / within_3['n']:.1f} % "
+            f"[{100 * within_3['low']:.1f}, {100 * within_3['high']:.1f}]",
+        ),
+        ("AMPI altitude error, worst", "500 m", f"{flights['altitude']['worst']:.0f} m"),
+    ]
+    if "fresh_demo_seconds" in found:
+        rows.append(
+            ("`make demo` in a clean clone", "6 min", f"{found['fresh_demo_seconds'] / 60:.1f} min")
+        )
+    lines = ["| what | asked | measured |", "|---|---|---|"]
+    lines += [f"| {' | '.join(row)} |" for row in rows]
+    return "\n".join([*lines, "", *_interpolation(checks), "", *_flights(found["flights"])])
+
+
+def _interpolation(checks: dict[str, Any]) -> list[str]:
+    lines = [
+        f"Interpolation error against the problem solved there, 90th percentile of "
+        f"{checks['probes']} random points (in brackets: a prototype of the same method):",
+        "",
+        "| reference | altitude | speed | bank | t_f | miss, flown open loop |",
+        "|---|---|---|---|---|---|",
+    ]
+    units = ("m", "m/s", "°", "s", "km")
+    for mode, columns in checks["interpolation"].items():
+        cells = []
+        for i, (quantity, unit) in enumerate(zip(columns.values(), units, strict=True)):
+            floor = f" ({FLOOR[mode][i]:g})" if mode in FLOOR else ""
+            cells.append(f"{quantity['percentile_90']:.3g} {unit}{floor}")
+        lines.append(f"| {mode} | {' | '.join(cells)} |")
+    return lines
+
+
+def _flights(flights: dict[str, Any]) -> list[str]:
+    lines = [
+        "Closed loop, 1000 flights with the dispersions of Eq. (34), the same draws for all:",
+        "",
+        "| reference | reached | miss: median | 99 % | worst | altitude error, worst |",
+        "|---|---|---|---|---|---|",
+    ]
+    for mode, verdict in flights.items():
+        miss, altitude = verdict["miss"], verdict["altitude"]
+        lines.append(
+            f"| {mode} | {verdict['reached']['count']} | {miss['median'] / 1e3:.2f} km | "
+            f"{miss['percentile_99'] / 1e3:.2f} km | {miss['worst'] / 1e3:.2f} km | "
+            f"{altitude['worst']:.0f} m |"
+        )
+    return lines
+
+
+def main() -> None:
+    """Parse, measure, print or write."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--json", action="store_true", help="print the numbers as JSON")
+    parser.add_argument("--readme", type=Path, help="replace the results in this file")
+    parser.add_argument("--fresh", action="store_true", help="time `make demo` in a clean clone")
+    parser.add_argument("--probes", type=int, default=200, help="random points of the audit")
+    arguments = parser.parse_args()
+    found = measure(fresh=arguments.fresh, probes=arguments.probes)
+    if arguments.json:
+        print(json.dumps(found, indent=1, default=float))
+        return
+    text = table(found)
+    print(text)
+    if arguments.readme:
+        page = arguments.readme.read_text(encoding="utf-8")
+        head, _, rest = page.partition(BEGIN)
+        _, _, tail = rest.partition(END)
+        machine = f"Measured by `make benchmark` on a shared machine: {found['machine']}."
+        arguments.readme.write_text(
+            f"{head}{BEGIN}\n{machine}\n\n{text}\n{END}{tail}", encoding="utf-8"
+        )
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,41 @@
+"""Fly dispersed closed-loop entries from a database: the public API in a campaign script.
+
+python scripts/run_monte_carlo.py shefex3.h5 --flights 1000
+"""
+
+from __future__ import annotations
+
+import argparse
+
+import ampi
+from ampi.dataset import read_dataset
+from ampi.progress import progress
+from ampi.report.text import verdict_text
+
+
+def main() -> None:
+    """Parse, fly every mode on the same draws, print."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("path", help="trajectory database")
+    parser.add_argument("--flights", type=int, default=1000, help="flights per mode")
+    parser.add_argument("--seed", type=int, default=2016)
+    parser.add_argument("--jobs", type=int, default=2, help="worker processes")
+    arguments = parser.parse_args()
+    mission = read_dataset(arguments.path).mission
+    guidance = ampi.load_guidance(arguments.path)
+    campaigns = {}
+    with progress("flying", arguments.flights * len(ampi.Mode)) as advance:
+        for mode in ampi.Mode:
+            campaigns[mode.value] = ampi.fly(
+                mission,
+                guidance.in_mode(mode),
+                n=arguments.flights,
+                seed=arguments.seed,
+                n_jobs=arguments.jobs,
+                advance=advance,
+            )
+    print(verdict_text(mission, campaigns))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,181 @@
+"""Every figure: units on every axis, finite data, the same bytes twice, settings left alone."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+
+import matplotlib
+import numpy as np
+import pytest
+from matplotlib.figure import Figure
+
+from ampi.missions.mission import Mission
+from ampi.onboard.reference import Mode, ReferenceGenerator
+from ampi.onboard.table import GuidanceTable
+from ampi.report.campaign_figures import (
+    campaign_constraints,
+    campaign_controls,
+    campaign_ground_tracks,
+    campaign_states,
+    campaign_tracking_errors,
+    compared,
+)
+from ampi.report.database_figures import (
+    HighDensityDatabase,
+    database_constraints,
+    database_controls,
+    database_ground_tracks,
+    database_states,
+)
+from ampi.report.footprint_figures import (
+    campaign_footprint,
+    campaign_histograms,
+    footprint_ellipse,
+    logarithmic_bins,
+)
+from ampi.report.look import MODE_LOOKS, ImageFormat, image_bytes
+from ampi.report.runge_figure import runge_phenomenon
+from ampi.report.single import reference_figure, trajectory_figure
+from ampi.simulation.monte_carlo import Flights
+from ampi.simulation.statistics import ellipse_area
+from ampi.trajectory import Status, Trajectory
+
+DATABASE = (database_states, database_controls, database_ground_tracks, database_constraints)
+CAMPAIGN = (
+    campaign_states,
+    campaign_tracking_errors,
+    campaign_controls,
+    campaign_ground_tracks,
+    campaign_constraints,
+    campaign_footprint,
+    campaign_histograms,
+)
+
+
+def nominal_trajectory(mission: Mission, table: GuidanceTable) -> Trajectory:
+    """The table's nominal case as an optimum of the offline side."""
+    row, final_time = table.values[table.centre], float(table.final_time[table.centre])
+    return Trajectory(mission.pseudospectral_mesh, row[:7], row[7], final_time, 0.0, Status.SOLVED)
+
+
+def assert_sound(figure: Figure) -> None:
+    """Axis labels with units; only finite numbers drawn; limits that hold some data."""
+    panels = [a for axes in figure.axes for a in (axes, *axes.child_axes)]
+    assert panels
+    bottom = {a.get_subplotspec().colspan.start: a for a in figure.axes}  # type: ignore[union-attr]
+    for axes in panels:
+        shares_time = axes in figure.axes and axes not in bottom.values()
+        labels = [axes.get_ylabel()] + ([] if shares_time else [axes.get_xlabel()])
+        for label in filter(None, labels):
+            assert re.search(r"\(.+\)$", label), label
+        assert np.all(np.isfinite([*axes.get_xlim(), *axes.get_ylim()]))
+        for collection in axes.collections:
+            for path in collection.get_paths():
+                assert np.all(np.isfinite(path.vertices))
+        for line in axes.lines:
+            assert np.all(np.isfinite(np.asarray(line.get_xydata(), dtype=float)))
+        assert axes.collections or axes.lines or axes.patches
+    assert all(a.get_xlabel() for a in bottom.values())
+    assert any(a.get_ylabel() for a in figure.axes)
+    assert image_bytes(figure).startswith(b"\x89PNG")
+
+
+@pytest.mark.parametrize("draw", DATABASE)
+def test_database_figures_are_sound(
+    draw: Callable[[Mission, GuidanceTable], Figure], mission: Mission, table: GuidanceTable
+) -> None:
+    assert_sound(draw(mission, table))
+
+
+@pytest.mark.parametrize("draw", CAMPAIGN)
+def test_campaign_figures_are_sound(
+    draw: Callable[[Mission, dict[str, Flights]], Figure],
+    mission: Mission,
+    campaigns: dict[str, Flights],
+) -> None:
+    assert_sound(draw(mission, campaigns))
+
+
+@pytest.mark.parametrize("draw", CAMPAIGN)
+def test_one_campaign_alone_can_be_drawn(
+    draw: Callable[[Mission, dict[str, Flights]], Figure],
+    mission: Mission,
+    campaigns: dict[str, Flights],
+) -> None:
+    assert_sound(draw(mission, {"only": campaigns["mpi"]}))
+
+
+def test_single_figures_are_sound(mission: Mission, table: GuidanceTable) -> None:
+    assert_sound(trajectory_figure(mission, nominal_trajectory(mission, table)))
+    reference = ReferenceGenerator(table, Mode.AMPI).reference(mission.entry_state)
+    assert_sound(reference_figure(mission, reference))
+
+
+def test_trajectory_figure_shows_its_nodes(mission: Mission, table: GuidanceTable) -> None:
+    trajectory = nominal_trajectory(mission, table)
+    altitude = trajectory_figure(mission, trajectory).axes[0]
+    dots = next(line for line in altitude.lines if line.get_marker() == "o")
+    np.testing.assert_allclose(np.asarray(dots.get_ydata()), trajectory.states[0] / 1e3)
+
+
+def test_runge_figure_is_sound_and_radau_wins(mission: Mission) -> None:
+    figure = runge_phenomenon()
+    assert_sound(figure)
+    uniform, radau = (float(a.get_title().rsplit(" ", 1)[1]) for a in figure.axes[-2:])
+    assert uniform > 100.0 > 0.1 > radau
+
+
+def test_limits_stand_where_the_mission_says(mission: Mission, table: GuidanceTable) -> None:
+    panels = database_controls(mission, table).axes
+    dashed = [float(np.asarray(line.get_ydata())[0]) for line in panels[1].lines[1:]]
+    np.testing.assert_allclose(dashed, [-60.0, 60.0])
+
+
+def test_high_density_database_matches_the_flying_reference(
+    mission: Mission, table: GuidanceTable
+) -> None:
+    database = HighDensityDatabase.of(table)
+    reference = ReferenceGenerator(table, Mode.NOMINAL).reference(mission.entry_state)
+    np.testing.assert_allclose(database.times[database.nominal], reference.times)
+    np.testing.assert_allclose(
+        database.states[:, database.nominal], reference.states, rtol=1e-12, atol=1e-12
+    )
+
+
+def test_ellipse_has_the_verdicts_area(campaigns: dict[str, Flights]) -> None:
+    flights = campaigns["mpi"]
+    good = flights.reached
+    ellipse = footprint_ellipse(flights)
+    assert ellipse is not None
+    area = 0.25 * np.pi * ellipse.width * ellipse.height
+    assert area == pytest.approx(1e-6 * ellipse_area(flights.along[good], flights.across[good]))
+
+
+def test_bins_hold_every_positive_error() -> None:
+    edges = logarithmic_bins([np.array([0.0, 2.0, 8.0]), np.array([500.0])])
+    assert edges[0] <= 2.0
+    assert edges[-1] == pytest.approx(500.0)
+    assert np.all(np.diff(logarithmic_bins([np.zeros(3)])) > 0)
+
+
+def test_comparison_takes_nominal_and_ampi_if_both_were_flown(
+    campaigns: dict[str, Flights],
+) -> None:
+    assert list(compared(campaigns)) == ["nominal", "ampi"]
+    assert list(compared({"mpi": campaigns["mpi"]})) == ["mpi"]
+
+
+def test_every_mode_has_its_own_look() -> None:
+    assert set(MODE_LOOKS) == set(Mode)
+    assert len({look.colour for look in MODE_LOOKS.values()}) == len(Mode)
+    assert len({look.marker for look in MODE_LOOKS.values()}) == len(Mode)
+
+
+@pytest.mark.parametrize("image_format", list(ImageFormat))
+def test_same_figure_same_bytes_and_settings_untouched(image_format: ImageFormat) -> None:
+    before = dict(matplotlib.rcParams)
+    assert image_bytes(runge_phenomenon(), image_format) == image_bytes(
+        runge_phenomenon(), image_format
+    )
+    assert dict(matplotlib.rcParams) == before

@@ -1,0 +1,164 @@
+"""Tracking gains against an independent Riccati integration, and what they are for."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy.integrate import solve_ivp
+
+import database.gains
+from ampi.guidance import Guidance
+from ampi.missions.mission import Mission
+from ampi.physics.equations_of_motion import equations_of_motion
+from ampi.scp.derivatives import scaled_dynamics
+from ampi.simulation.closed_loop import FlightStatus, fly_batch
+from ampi.trajectory import Trajectory
+from database.gains import GainSettings, vertex_gains
+
+Array = NDArray[np.float64]
+
+
+def terminal_weight(mission: Mission, final: Array, final_time: float) -> Array:
+    """S_f = Πᵀ W Π with Π = I − ẋ_f e_Vᵀ / V̇_f, Eq. (3), for the default sizes."""
+    rate = np.array(equations_of_motion(mission.flight_model, final, 0.0, final_time), dtype=float)
+    e_speed = np.eye(7)[3]
+    projection = np.eye(7) - np.outer(rate, e_speed) / rate[3]
+    radius = mission.flight_model.planet.equatorial_radius
+    settings = GainSettings()
+    east, north = radius * np.cos(final[2]), radius
+    weight = np.zeros((7, 7))
+    weight[0, 0] = settings.altitude_error**-2
+    weight[1, 1] = (east / settings.horizontal_miss) ** 2
+    weight[2, 2] = (north / settings.horizontal_miss) ** 2
+    return projection.T @ weight @ projection
+
+
+@pytest.fixture(scope="module")
+def witness(mission: Mission, nominal: Trajectory) -> Array:
+    """K (7, n) at the nodes from −Ṡ = AᵀS + SA + Q − SBR⁻¹BᵀS, by DOP853, segment by segment.
+
+    Both running weights of Eq. (1) are meant over the whole flight: divided by t_f.
+    """
+    settings, t_f, mesh = GainSettings(), nominal.final_time, nominal.mesh
+    inverse_r = settings.bank_rate**2 * t_f
+    q = np.zeros((7, 7))
+    q[6, 6] = 1.0 / (settings.bank_deviation**2 * t_f)
+    dynamics = scaled_dynamics(mission.flight_model, (1.0, 1.0, 1.0), (1.0,) * 7, 1.0, 1)
+
+    def backward(t: float, flat: Array) -> Array:
+        s = flat.reshape(7, 7)
+        x, _ = nominal.at(t)
+        a = dynamics.first(x.T, np.zeros(1), np.array([t])).state_jacobian[0]
+        return -(a.T @ s + s @ a + q - inverse_r * np.outer(s[:, 6], s[6])).ravel()
+
+    gains = np.empty((7, mesh.n_nodes))
+    cost = terminal_weight(mission, nominal.states[:, -1], t_f)
+    gains[:, -1] = inverse_r * cost[6]
+    size = np.abs(cost).max()
+    for segment in reversed(mesh.segments):
+        times = nominal.times[segment.nodes][::-1]
+        solution = solve_ivp(
+            backward,
+            (times[0], times[-1]),
+            cost.ravel(),
+            method="DOP853",
+            t_eval=times,
+            rtol=1e-7,
+            atol=1e-14 * size,
+        )
+        assert solution.success
+        found = solution.y.reshape(7, 7, -1)
+        gains[:, segment.nodes] = inverse_r * found[6, :, ::-1]
+        cost = found[:, :, -1]
+    return gains
+
+
+def deviations(got: Array, witness: Array) -> Array:
+    """Greatest difference of each row over the greatest gain of that row."""
+    return np.abs(got - witness).max(axis=1) / np.abs(witness).max(axis=1)
+
+
+def gains_with_step(
+    mission: Mission, nominal: Trajectory, monkeypatch: pytest.MonkeyPatch, step: float
+) -> Array:
+    monkeypatch.setattr(database.gains, "STEP", step)
+    final_time = np.array([nominal.final_time])
+    return vertex_gains(mission, nominal.mesh, nominal.states[None], final_time, GainSettings())[0]
+
+
+def test_gains_are_those_of_the_riccati_equation(gains: Array, witness: Array) -> None:
+    assert np.all(deviations(gains, witness) < 0.05)
+
+
+def test_the_difference_shrinks_with_the_step(
+    mission: Mission, nominal: Trajectory, witness: Array, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Zero-order hold is of first order in the step."""
+    coarse, middle, fine = (
+        deviations(gains_with_step(mission, nominal, monkeypatch, step), witness)
+        for step in (1.0, 0.5, 0.125)
+    )
+    assert np.all(middle < 0.7 * coarse)
+    assert np.all(fine < 0.4 * middle)
+    assert np.all(fine < 0.01)
+
+
+def test_equal_cases_have_equal_gains(mission: Mission, nominal: Trajectory, gains: Array) -> None:
+    states = np.repeat(nominal.states[None], 3, axis=0)
+    final_time = np.full(3, nominal.final_time)
+    batch = vertex_gains(mission, nominal.mesh, states, final_time, GainSettings())
+    for one in batch:
+        assert one == pytest.approx(gains, rel=1e-9, abs=1e-12 * np.abs(gains).max())
+
+
+def test_a_dearer_bank_rate_means_smaller_gains(
+    mission: Mission, nominal: Trajectory, gains: Array
+) -> None:
+    cheap, dear = (
+        vertex_gains(
+            mission,
+            nominal.mesh,
+            nominal.states[None],
+            np.array([nominal.final_time]),
+            GainSettings(bank_rate=GainSettings().bank_rate * factor),
+        )[0]
+        for factor in (2.0, 0.5)
+    )
+    for row in range(7):
+        sizes = [float(np.abs(k[row]).max()) for k in (dear, gains, cheap)]
+        assert sizes[0] < sizes[1] < sizes[2]
+
+
+# One percent to a tenth of the half-widths of Eq. (34)
+PERTURBATIONS = np.diag([25.0, 5e-4, 5e-4, 5.0, 5e-4, 8e-4])
+
+
+def test_a_neighbouring_entry_is_brought_back_to_the_target(
+    mission: Mission, tracked: Guidance, untracked: Guidance
+) -> None:
+    entries = mission.entry_state + np.vstack([PERTURBATIONS, -PERTURBATIONS])
+    misses = []
+    for guidance in (tracked, untracked):
+        batch = fly_batch(mission, guidance, entries)
+        assert np.all(batch.status == int(FlightStatus.REACHED_SPEED))
+        final = batch.final_states
+        assert final[:, 3] == pytest.approx(np.full(12, mission.target.speed), abs=1e-3)
+        radius = mission.flight_model.planet.equatorial_radius
+        north = radius * (final[:, 2] - mission.target.latitude)
+        east = (
+            radius * np.cos(mission.target.latitude) * (final[:, 1] - mission.target.longitude)
+        )
+        misses.append(np.hypot(north, east))
+    closed, opened = misses
+    print(closed, opened)
+    assert np.all(opened > 1000.0)
+    assert np.all(closed < 0.2 * opened)
+
+
+def test_the_nominal_entry_flies_its_optimum(mission: Mission, tracked: Guidance) -> None:
+    batch = fly_batch(mission, tracked, mission.entry_state[None])
+    error = batch.states - batch.reference_states
+    assert np.nanmax(np.abs(error[0, 0])) < 10.0  # m
+    assert np.nanmax(np.abs(error[0, 3])) < 1.0  # m/s
+    assert np.degrees(np.nanmax(np.abs(error[0, 6]))) < 0.5
