@@ -19,6 +19,7 @@ from ampi.report.quantities import KILO
 from ampi.simulation.closed_loop import FlightStatus
 from ampi.simulation.monte_carlo import Flights
 from ampi.simulation.statistics import (
+    FEWEST_FOR_RATIO,
     INNER_RADII,
     TABLE_5_RADII,
     Fraction,
@@ -28,7 +29,6 @@ from ampi.simulation.statistics import (
     judge,
 )
 
-FEWEST_FOR_RATIO = 30  # flights; below it the bootstrap draws degenerate ellipses
 NOTHING = "–"
 
 
@@ -102,8 +102,8 @@ def verdict_tables(mission: Mission, campaigns: Mapping[str, Flights]) -> tuple[
         ),
         VerdictTable(
             "Limits, hypercube and failures",
-            f"Path limits are read every {_recording_step(campaigns):g} s; peaks between two "
-            "readings are missed. Nominal tracking does not look at the hypercube.",
+            "Path limits are read at every guidance cycle. Nominal tracking does not look at the "
+            "hypercube.",
             _health(campaigns, verdicts),
             flown,
         ),
@@ -222,8 +222,3 @@ def _health(campaigns: Mapping[str, Flights], verdicts: Mapping[str, Verdict]) -
 def _words(name: str) -> str:
     """A name of the code as a reader writes it."""
     return name.lower().replace("_", " ")
-
-
-def _recording_step(campaigns: Mapping[str, Flights]) -> float:
-    """Greatest spacing (s) of the recorded points."""
-    return max(float(np.diff(f.times).max()) for f in campaigns.values())

@@ -17,6 +17,7 @@ from ampi.guidance import Guidance
 from ampi.missions.mission import Mission
 from ampi.onboard.reference import Reference
 from ampi.physics.equations_of_motion import FlightModel, equations_of_motion
+from ampi.physics.path_constraints import path_constraints
 from ampi.tracking.bank_limiter import limited_rate
 from ampi.tracking.linear_quadratic import bank_rate_command
 
@@ -48,6 +49,7 @@ class FlightBatch:
     states: Array  # (n, 7, k)
     reference_states: Array  # (n, 7, k)
     bank_rate: Array  # (n, k), flown, rad/s
+    peak: Array  # (n, 3): greatest q (Pa), Q̇ (W/m²) and n_z (g), read at every guidance cycle
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,12 +85,14 @@ def fly_batch(
     rate, pointer = references.rows[:, 7, 0].copy(), np.zeros(n, dtype=np.intp)
     final, final_time = np.full((n, 7), np.nan), np.full(n, np.nan)
     status = np.full(n, int(FlightStatus.TIME_LIMIT))
-    flying = np.ones(n, dtype=bool)
+    flying, peak = np.ones(n, dtype=bool), np.zeros((3, n))
     steps = int(np.ceil(LONGEST * references.final_time.max() / cycle))
     stride = max(1, round(record_every / cycle))
     record: list[tuple[float, Array, Array, Array]] = []
     for step in range(steps):
         time = step * cycle
+        loads = np.stack(path_constraints(model, x, time))
+        peak = np.where(flying, np.fmax(peak, loads), peak)
         at, wanted, gain = _look_up(references, flight, pointer, time)
         wanted = bank_rate_command(x, at, wanted, gain)
         wanted = np.where(time >= references.final_time, 0.0, wanted)
@@ -120,6 +124,7 @@ def fly_batch(
         states=np.stack(states, axis=2),
         reference_states=np.stack(reference_states, axis=2),
         bank_rate=np.stack(rates, axis=1),
+        peak=peak.T,
     )
 
 

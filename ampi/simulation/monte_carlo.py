@@ -52,6 +52,7 @@ class Flights:
     reference_states: Array  # (n, 7, k)
     bank_rate: Array  # (n, k), rad/s
     path: Array  # (n, 3, k): q, Q̇, n_z over their limits
+    peak: Array  # (n, 3): their greatest values, read at every guidance cycle
 
     @property
     def n(self) -> int:
@@ -190,6 +191,7 @@ def _assemble(
         reference_states=joined([b.reference_states for b in batches]),
         bank_rate=joined([b.bank_rate for b in batches]),
         path=np.stack([v / s for v, s in zip(values, scale, strict=True)], axis=1),
+        peak=np.concatenate([b.peak for b in batches]) / np.array(scale),
     )
 
 

@@ -22,6 +22,7 @@ Array = NDArray[np.float64]
 CONFIDENCE = 0.95
 ELLIPSE = float(chi2.ppf(CONFIDENCE, 2))  # squared Mahalanobis radius
 BOOTSTRAPS = 2000
+FEWEST_FOR_RATIO = 30  # flights; below it the bootstrap draws degenerate ellipses
 TABLE_5_RADII = (25e3, 50e3, 75e3)  # m, Sagliano et al. 2016, Table 5
 INNER_RADII = (3e3, 6.5e3, 13e3, 25e3)  # m, Section V.A, and 3 km
 
@@ -109,7 +110,6 @@ def judge(flights: Flights) -> Verdict:
         Fraction.of((miss >= a) & (miss < b) if np.isfinite(b) else miss >= a)
         for a, b in pairwise(edges)
     )
-    peak = np.nanmax(flights.path, axis=2)
     names = ("dynamic_pressure", "heat_flux", "load_factor")
     return Verdict(
         mode=flights.mode.value,
@@ -121,8 +121,8 @@ def judge(flights: Flights) -> Verdict:
         miss=Spread.of(flights.miss[good]),
         altitude=Spread.of(flights.altitude_error[good]),
         speed=Spread.of(flights.speed_error[good]),
-        peak={name: Spread.of(peak[:, i]) for i, name in enumerate(names)},
-        limits_kept=Fraction.of(np.all(peak <= 1.0, axis=1)),
+        peak={name: Spread.of(flights.peak[:, i]) for i, name in enumerate(names)},
+        limits_kept=Fraction.of(np.all(flights.peak <= 1.0, axis=1)),
         footprint_area=ellipse_area(flights.along[good], flights.across[good]),
     )
 
@@ -152,6 +152,11 @@ def footprint_ratio(flights: Flights, baseline: Flights) -> AreaRatio:
     if flights.n != baseline.n or not np.array_equal(flights.entry_states, baseline.entry_states):
         raise ValueError("footprint_ratio: the two campaigns were not flown on the same draws")
     both = flights.reached & baseline.reached
+    if np.count_nonzero(both) < FEWEST_FOR_RATIO:
+        raise ValueError(
+            f"footprint_ratio: {np.count_nonzero(both)} common flights are too few, "
+            f"{FEWEST_FOR_RATIO} are needed"
+        )
     points = [np.stack([f.along[both], f.across[both]]) for f in (flights, baseline)]
     rng = np.random.default_rng(np.random.SeedSequence(flights.seed, spawn_key=(0,)))
     samples = np.empty(BOOTSTRAPS)

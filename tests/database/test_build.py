@@ -34,7 +34,7 @@ def test_interrupted_build_resumes_to_the_same_file(
 ) -> None:
     path = tmp_path / "resumed.h5"
 
-    class Interrupted(Exception):
+    class StoppedHereError(Exception):
         pass
 
     done = 0
@@ -43,14 +43,14 @@ def test_interrupted_build_resumes_to_the_same_file(
         nonlocal done
         done += count
         if done >= 4:
-            raise Interrupted
+            raise StoppedHereError
 
-    with pytest.raises(Interrupted):
+    with pytest.raises(StoppedHereError):
         database.build(small_mission, path, n_jobs=2, advance=interrupt)
     assert not path.exists()
     kept = len(list(partial_folder(path).glob("case_*.npz")))
     assert 4 <= kept < 9
-    with pytest.raises(DatasetError, match="not finished .* same build command"):
+    with pytest.raises(DatasetError, match=r"not finished .* same build command"):
         load_guidance(path)
     report = database.build(small_mission, path, n_jobs=2)
     assert report.resumed >= kept
@@ -85,7 +85,7 @@ def test_a_folder_of_another_build_is_refused(small_mission: Mission, tmp_path: 
 
 
 def test_a_missing_folder_is_named(small_mission: Mission, tmp_path: Path) -> None:
-    with pytest.raises(BuildError, match="the folder .*absent does not exist"):
+    with pytest.raises(BuildError, match=r"the folder .*absent does not exist"):
         database.build(small_mission, tmp_path / "absent" / "a.h5")
 
 

@@ -6,8 +6,6 @@ The vehicle is a surrogate and the tracker is another one, so what must hold is 
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 

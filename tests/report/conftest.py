@@ -67,6 +67,7 @@ def campaign(mission: Mission, mode: Mode) -> Flights:
     status[:3] = (FlightStatus.GROUND, FlightStatus.TIME_LIMIT, FlightStatus.NOT_FINITE)
     path = 0.8 * rng.random((N, 3, K))
     path[:4, 2, 5] = 1.2
+    peak = path.max(axis=2)
     final = states[:, :, -1] + 0.0
     final[:, 1] += across / 6.4e6
     final[:, 2] += along / 6.4e6
@@ -92,6 +93,7 @@ def campaign(mission: Mission, mode: Mode) -> Flights:
         reference_states=np.where(end[:, None], np.nan, reference),
         bank_rate=np.where(end, np.nan, 0.01),
         path=np.where(end[:, None], np.nan, path),
+        peak=peak,
     )
 
 

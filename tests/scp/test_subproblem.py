@@ -285,7 +285,7 @@ def test_a_solver_that_gives_up_is_a_status(
 
 
 def test_an_unknown_solver_is_named(convex: ConvexSubproblem) -> None:
-    with pytest.raises(ValueError, match="solver: expected one of .*CLARABEL.*, got 'CPLEXX'"):
+    with pytest.raises(ValueError, match=r"solver: expected one of .*CLARABEL.*, got 'CPLEXX'"):
         solve_subproblem_cvxpy(convex, solver="CPLEXX")
 
 

@@ -146,9 +146,7 @@ def test_a_neighbouring_entry_is_brought_back_to_the_target(
         assert final[:, 3] == pytest.approx(np.full(12, mission.target.speed), abs=1e-3)
         radius = mission.flight_model.planet.equatorial_radius
         north = radius * (final[:, 2] - mission.target.latitude)
-        east = (
-            radius * np.cos(mission.target.latitude) * (final[:, 1] - mission.target.longitude)
-        )
+        east = radius * np.cos(mission.target.latitude) * (final[:, 1] - mission.target.longitude)
         misses.append(np.hypot(north, east))
     closed, opened = misses
     print(closed, opened)
