@@ -104,7 +104,7 @@ def solve(
 
 def _convergence_table(optimum: Trajectory) -> Table:
     table = Table(
-        "iteration", "cost", "step [deg]", "t_f [s]", "radius [deg]", "ratio", "step kept"
+        "iteration", "cost", "step (deg)", "t_f (s)", "radius (deg)", "ratio", "step kept"
     )
     for row in optimum.statistics.log:
         table.add_row(
@@ -215,9 +215,9 @@ def audit(
     out.print(f"{path}: {report.cases} cases: {statuses}")
     truth = Table("against re-integration (DOP853)", "median", "90 %", "worst")
     for label, q in (
-        ("position [m]", report.position_error),
-        ("altitude [m]", report.altitude_error),
-        ("speed [m/s]", report.speed_error),
+        ("position (m)", report.position_error),
+        ("altitude (m)", report.altitude_error),
+        ("speed (m/s)", report.speed_error),
     ):
         truth.add_row(label, f"{q.median:.3g}", f"{q.percentile_90:.3g}", f"{q.worst:.3g}")
     out.print(truth)
@@ -234,11 +234,11 @@ def audit(
 def _interpolation_table(report: Any) -> Table:
     table = Table(
         f"interpolation, 90 % of {report.probes} points",
-        "altitude [m]",
-        "speed [m/s]",
-        "bank [deg]",
-        "t_f [s]",
-        "open-loop miss [km]",
+        "altitude (m)",
+        "speed (m/s)",
+        "bank (deg)",
+        "t_f (s)",
+        "open-loop miss (km)",
     )
     for mode, columns in report.interpolation.items():
         table.add_row(mode, *(f"{q.percentile_90:.3g}" for q in columns.values()))
@@ -360,21 +360,16 @@ def report(
     with _told():
         dataset = read_dataset(path)
         loaded = load_campaigns(campaigns)
-        first = next(iter(loaded.values()))
-        keys = (
-            "ampi_version",
-            "git_revision",
-            "content_sha256",
-            "numpy_version",
-            "clarabel_version",
-        )
-        extra = {
-            "database": path.name,
-            "seed": str(first.seed),
-            "flights per mode": str(first.n),
-            "dispersions": first.distribution,
-            **{key: str(dataset.attributes[key]) for key in keys},
-        }
+        attributes = dataset.attributes
+        extra = {"Database file": path.name}
+        for label, key in (
+            ("ampi", "ampi_version"),
+            ("Git revision", "git_revision"),
+            ("Content SHA-256", "content_sha256"),
+            ("numpy", "numpy_version"),
+            ("clarabel", "clarabel_version"),
+        ):
+            extra[label] = str(attributes[key])
         with progress("drawing", 1) as advance:
             written = write_report(output, dataset.mission, guidance_table(dataset), loaded, extra)
             advance(1)

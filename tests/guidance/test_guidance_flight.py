@@ -1,0 +1,98 @@
+"""`Guidance.command`, cycle by cycle, against the batch law of the closed loop."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy.optimize import brentq
+
+from ampi.guidance import BankCommand, Guidance, Health
+from ampi.missions.mission import Mission
+from ampi.onboard.reference import Mode
+from ampi.physics.equations_of_motion import equations_of_motion
+from ampi.simulation.closed_loop import FlightStatus, fly_batch
+
+Array = NDArray[np.float64]
+
+ENTRIES = {  # offsets from the nominal entry state
+    "inside": [0.0, 0.0, 0.0, 23.0, 0.003, 0.0],
+    "on the boundary": [0.0, 0.0, 0.0, 70.0, -0.5 * np.pi / 180.0, 0.0],
+    "outside": [180.0, 2e-3, -1e-3, -90.0, 0.004, -3e-3],
+}
+
+
+def step(mission: Mission, x: Array, rates: tuple[float, float], time: float, h: float) -> Array:
+    """One classical Runge-Kutta step under a bank rate linear in time."""
+
+    def f(at: float, y: Array) -> Array:
+        bank_rate = rates[0] + (rates[1] - rates[0]) * (at - time) / h
+        return np.array(equations_of_motion(mission.flight_model, y, bank_rate, at), dtype=float)
+
+    stages = [f(time, x)]
+    for c in (0.5, 0.5, 1.0):
+        stages.append(f(time + c * h, x + c * h * stages[-1]))
+    return x + h * np.array([1.0, 2.0, 2.0, 1.0]) @ np.array(stages) / 6.0
+
+
+def flown(
+    mission: Mission, guidance: Guidance, entry: Array
+) -> tuple[Array, list[Array], list[BankCommand]]:
+    """Final state, states at the cycle begins, and the commands."""
+    reference = guidance.reference(entry).copy()
+    x = np.concatenate([entry, reference.states[6:, 0]])
+    rate, time = float(reference.bank_rate[0]), 0.0
+    states, commands = [], []
+    while True:
+        command = guidance.command(reference, time, x, rate)
+        states.append(x)
+        commands.append(command)
+        ahead = step(mission, x, (rate, command.bank_rate), time, guidance.cycle)
+        if ahead[3] <= mission.target.speed:
+            break
+        x, rate, time = ahead, command.bank_rate, time + guidance.cycle
+
+    def part(h: float) -> Array:
+        here = rate + (command.bank_rate - rate) * h / guidance.cycle
+        return step(mission, x, (rate, here), time, h)
+
+    h = brentq(lambda s: part(s)[3] - mission.target.speed, 1e-9, guidance.cycle, xtol=1e-13)
+    return part(h), states, commands
+
+
+@pytest.mark.parametrize("mode", list(Mode))
+@pytest.mark.parametrize("entry", list(ENTRIES))
+def test_one_flight_by_commands_is_the_flight_of_the_batch(
+    mission: Mission, loaded: Guidance, entry: str, mode: Mode
+) -> None:
+    guidance = loaded.in_mode(mode)
+    state = mission.entry_state + np.array(ENTRIES[entry])
+    final, states, commands = flown(mission, guidance, state)
+    batch = fly_batch(mission, guidance, state[None], record_every=guidance.cycle)
+    assert batch.status.tolist() == [int(FlightStatus.REACHED_SPEED)]
+    scale = np.array([1e5, 1.0, 1.0, 5e3, 1.0, 1.0, 1.0])
+    assert batch.states.shape == (1, 7, len(states))
+    difference = np.abs(batch.states[0] - np.array(states).T) / scale[:, None]
+    assert difference.max() < 1e-9
+    given = np.array([c.bank_rate for c in commands])
+    assert np.abs(batch.bank_rate[0, 1:] - given[:-1]).max() < 1e-9
+    assert np.abs(batch.final_states[0] - final).max() < 1e-3
+    assert (np.abs(batch.final_states[0] - final) / scale).max() < 1e-8
+    # the entry interface differs from the grid's own in one entry alone, and nominal never clips
+    outside = entry == "outside" and mode is not Mode.NOMINAL
+    assert bool(batch.clipped[0]) is outside
+    told = {c.health for c in commands} - {Health.AFTER_FINAL_TIME}
+    assert told == {Health.BOUNDARY_REFERENCE if outside else Health.GOOD}
+
+
+def test_the_commands_of_a_flight_keep_the_limits(mission: Mission, loaded: Guidance) -> None:
+    limits = mission.limits
+    entry = mission.entry_state + np.array(ENTRIES["outside"])
+    _, states, commands = flown(mission, loaded, entry)
+    rates = np.array([c.bank_rate for c in commands])
+    assert np.abs(rates).max() <= limits.bank_rate * (1 + 1e-12)
+    assert np.abs(np.diff(rates)).max() <= limits.bank_acceleration * 0.5 * (1 + 1e-9)
+    assert max(abs(x[6]) for x in states) <= limits.bank_angle * (1 + 1e-12)
+    # a command says where the bank angle will be, and there it is
+    promised = np.array([c.bank_angle for c in commands[:-1]])
+    assert promised == pytest.approx(np.array([x[6] for x in states[1:]]), abs=1e-12)

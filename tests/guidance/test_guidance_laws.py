@@ -1,0 +1,248 @@
+"""Guidance on a synthetic table: the command, its health, and what it never does."""
+
+from __future__ import annotations
+
+import pickle
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from ampi.guidance import BankCommand, Guidance, Health, locate
+from ampi.onboard.reference import Mode, Reference
+from ampi.tracking.bank_limiter import limited_rate
+
+Array = NDArray[np.float64]
+
+laws = settings(deadline=None, max_examples=200)
+shares = st.lists(st.floats(-1.0, 1.0), min_size=6, max_size=6)
+seeds = st.integers(0, 2**32 - 1)
+anything = st.floats(width=64)
+sevens = st.lists(anything, min_size=7, max_size=7)
+sixes = st.lists(anything, min_size=6, max_size=6)
+
+
+def interpolated(reference: Reference, rows: Array, time: float) -> Array:
+    """Rows (k, m) of a reference at a time, by numpy."""
+    return np.array([np.interp(time, reference.times, row) for row in np.atleast_2d(rows)])
+
+
+def rows(reference: Reference) -> Array:
+    return np.vstack([reference.states, reference.bank_rate, reference.gains])
+
+
+# --- laws -----------------------------------------------------------------------------------------
+
+
+@laws
+@given(entry=shares, share=st.floats(0.0, 0.999), seed=seeds)
+def test_the_command_is_the_tracking_law_through_the_limiter(
+    synthetic: Guidance, entry: list[float], share: float, seed: int
+) -> None:
+    reference = synthetic.reference(entry)
+    time = share * reference.final_time
+    at = interpolated(reference, reference.states, time)
+    rng = np.random.default_rng(seed)
+    error = 0.05 * rng.standard_normal(7) * np.abs(at)
+    state, rate = at + error, float(rng.uniform(-0.1, 0.1))
+    state[6] = np.clip(state[6], -1.0, 1.0)
+    error[6] = state[6] - at[6]
+    gain = interpolated(reference, reference.gains, time)
+    wanted = interpolated(reference, reference.bank_rate, time)[0] - gain @ error
+    expected = float(limited_rate(synthetic.limits, state[6], rate, wanted, 0.5))
+    command = synthetic.command(reference, time, state, rate)
+    assert command.bank_rate == pytest.approx(expected, abs=1e-10)
+    assert command.bank_angle == pytest.approx(state[6] + 0.25 * (rate + expected), abs=1e-10)
+    assert command.health is Health.GOOD
+
+
+@laws
+@given(entry=shares, share=st.floats(0.0, 0.999), rate=st.floats(-0.1, 0.1))
+def test_on_the_reference_its_own_bank_rate_is_commanded(
+    synthetic: Guidance, entry: list[float], share: float, rate: float
+) -> None:
+    reference = synthetic.reference(entry)
+    time = share * reference.final_time
+    state = interpolated(reference, reference.states, time)
+    own = interpolated(reference, reference.bank_rate, time)[0]
+    expected = float(limited_rate(synthetic.limits, state[6], rate, own, 0.5))
+    got = synthetic.command(reference, time, state, rate).bank_rate
+    assert got == pytest.approx(expected, abs=1e-10)
+
+
+@laws
+@given(n=st.integers(2, 40), seed=seeds, share=st.floats(-0.5, 1.5))
+def test_locate_is_numpys_interpolation_held_at_both_ends(n: int, seed: int, share: float) -> None:
+    rng = np.random.default_rng(seed)
+    times = np.cumsum(rng.uniform(0.1, 2.0, n))
+    time = float(times[0] + share * (times[-1] - times[0]))
+    k, w = locate(times, time)
+    assert 0 <= k <= n - 2
+    assert 0.0 <= w <= 1.0
+    assert (1.0 - w) * times[k] + w * times[k + 1] == pytest.approx(
+        np.clip(time, times[0], times[-1]), rel=1e-13
+    )
+
+
+@laws
+@given(entry=sixes, time=anything, state=sevens, rate=anything, mode=st.sampled_from(list(Mode)))
+def test_no_numbers_raise(
+    synthetic: Guidance,
+    entry: list[float],
+    time: float,
+    state: list[float],
+    rate: float,
+    mode: Mode,
+) -> None:
+    guidance = synthetic.in_mode(mode)
+    with np.errstate(all="ignore"):  # the processor's flags; numpy would turn them into warnings
+        reference = guidance.reference(entry)
+        command = guidance.command(reference, time, np.array(state), rate)
+    assert isinstance(command, BankCommand)
+    assert np.all(np.isfinite(rows(reference)))
+    if time >= reference.final_time:
+        assert command.health is Health.AFTER_FINAL_TIME
+    elif not np.all(np.isfinite(state)):
+        assert command.health is Health.BAD_NAVIGATION
+    else:
+        assert command.health is (Health.GOOD if reference.inside else Health.BOUNDARY_REFERENCE)
+
+
+@laws
+@given(
+    entry=sixes,
+    time=st.floats(-1e6, 1e6),
+    state=st.lists(
+        st.one_of(st.floats(-1e12, 1e12), st.sampled_from([np.nan, np.inf, -np.inf])),
+        min_size=6,
+        max_size=6,
+    ),
+    bank=st.floats(-1.0, 1.0),
+    rate=st.floats(-0.1, 0.1),
+)
+def test_whatever_navigation_says_the_command_can_be_flown(
+    synthetic: Guidance,
+    entry: list[float],
+    time: float,
+    state: list[float],
+    bank: float,
+    rate: float,
+) -> None:
+    """The bank angle, measured by the vehicle itself, apart."""
+    reference = synthetic.reference(entry)
+    command = synthetic.command(reference, time, np.array([*state, bank]), rate)
+    assert abs(command.bank_rate - rate) <= 0.07 * 0.5 * (1.0 + 1e-12)
+    assert np.isfinite(command.bank_angle)
+
+
+@laws
+@given(entry=shares, mode=st.sampled_from(list(Mode)))
+def test_a_pickled_guidance_makes_the_same_references(
+    synthetic: Guidance, entry: list[float], mode: Mode
+) -> None:
+    guidance = synthetic.in_mode(mode)
+    restored = pickle.loads(pickle.dumps(guidance))
+    assert (restored.mode, restored.cycle, restored.limits) == (mode, 0.5, guidance.limits)
+    here, there = guidance.reference(entry), restored.reference(entry)
+    assert np.array_equal(rows(here), rows(there))
+    assert np.array_equal(here.times, there.times)
+    assert (here.final_time, here.cell, here.clipped) == (
+        there.final_time,
+        there.cell,
+        there.clipped,
+    )
+    assert not np.shares_memory(here.states, there.states)
+
+
+# --- health ---------------------------------------------------------------------------------------
+
+
+def test_good(synthetic: Guidance) -> None:
+    reference = synthetic.reference([0.1] * 6)
+    assert synthetic.command(reference, 10.0, reference.states[:, 5], 0.0).health is Health.GOOD
+
+
+@pytest.mark.parametrize("axis", range(6))
+@pytest.mark.parametrize("value", [1.001, -1.001, np.nan, np.inf])
+def test_a_boundary_reference_is_told(synthetic: Guidance, axis: int, value: float) -> None:
+    entry = np.full(6, 0.1)
+    entry[axis] = value
+    reference = synthetic.reference(entry)
+    assert reference.clipped == tuple(i == axis for i in range(6))
+    command = synthetic.command(reference, 10.0, reference.states[:, 5], 0.0)
+    assert command.health is Health.BOUNDARY_REFERENCE
+
+
+@pytest.mark.parametrize("row", range(6))
+@pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
+def test_bad_navigation_flies_the_references_own_bank_rate(
+    synthetic: Guidance, row: int, value: float
+) -> None:
+    reference = synthetic.reference([0.1] * 6)
+    state = np.zeros(7)
+    state[row] = value
+    command = synthetic.command(reference, 10.0, state, 0.0)
+    own = interpolated(reference, reference.bank_rate, 10.0)[0]
+    assert command.health is Health.BAD_NAVIGATION
+    assert command.bank_rate == pytest.approx(
+        float(limited_rate(synthetic.limits, 0.0, 0.0, own, 0.5)), abs=1e-14
+    )
+
+
+@pytest.mark.parametrize("late", [0.0, 0.5, 1e9, np.inf])
+def test_after_the_final_time_the_bank_angle_is_held(synthetic: Guidance, late: float) -> None:
+    reference = synthetic.reference([0.1] * 6)
+    state, rate = 2.0 * SOME_STATE, 0.09
+    for cycle in range(6):
+        time = reference.final_time + late + 0.5 * cycle
+        command = synthetic.command(reference, time, state, rate)
+        assert command.health is Health.AFTER_FINAL_TIME
+        assert command.bank_rate == pytest.approx(max(0.0, 0.09 - 0.035 * (cycle + 1)), abs=1e-12)
+        state[6], rate = command.bank_angle, command.bank_rate
+    assert rate == 0.0
+
+
+SOME_STATE = np.array([3e4, 0.5, 1.1, 2e3, -0.1, 4.0, 0.1])
+
+
+# --- modes ----------------------------------------------------------------------------------------
+
+
+def test_modes_differ_between_the_vertices_and_agree_where_they_must(synthetic: Guidance) -> None:
+    corner = np.array([1.0, -1.0, 1.0, 1.0, -1.0, -1.0])
+    centre = [
+        float(a[i]) for a, i in zip(synthetic.table.axes, synthetic.table.centre, strict=True)
+    ]
+    between = [0.3, 0.2, -0.7, 0.1, 0.6, -0.4]
+
+    def final_time(mode: Mode, entry: object) -> float:
+        return synthetic.in_mode(mode).reference(np.asarray(entry)).final_time
+
+    at_corner = {m: final_time(m, corner) for m in Mode}
+    assert at_corner[Mode.MPI] == at_corner[Mode.AMPI] == at_corner[Mode.QUADRATIC]
+    assert at_corner[Mode.NOMINAL] == synthetic.table.final_time[synthetic.table.centre]
+    at_centre = {m: final_time(m, centre) for m in Mode}
+    assert at_centre[Mode.NOMINAL] == at_centre[Mode.AMPI] == at_centre[Mode.QUADRATIC]
+    assert at_centre[Mode.MPI] != at_centre[Mode.AMPI]
+    assert len({final_time(m, between) for m in Mode}) == len(Mode)
+
+
+def test_in_mode_keeps_everything_else(synthetic: Guidance) -> None:
+    slow = Guidance(synthetic.table, synthetic.limits, cycle=2.0)
+    other = slow.in_mode(Mode.MPI)
+    assert (other.mode, other.cycle, other.limits) == (Mode.MPI, 2.0, synthetic.limits)
+    assert other.table is synthetic.table
+    assert slow.mode is Mode.AMPI
+
+
+def test_the_cycle_scales_what_one_command_may_change(synthetic: Guidance) -> None:
+    state = np.zeros(7)
+    state[0] = 1e9  # asks for far more than the limits
+    changes = []
+    for cycle in (0.1, 0.5, 1.0):
+        guidance = Guidance(synthetic.table, synthetic.limits, cycle=cycle)
+        reference = guidance.reference([0.1] * 6)
+        changes.append(abs(guidance.command(reference, 10.0, state, 0.0).bank_rate))
+    assert changes == pytest.approx([0.007, 0.035, 0.07], rel=1e-12)

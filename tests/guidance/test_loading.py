@@ -1,0 +1,93 @@
+"""From the database file to the table that flies it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from ampi.dataset import DatasetError, read_dataset
+from ampi.guidance import Guidance
+from ampi.loading import guidance_table, load_guidance
+from ampi.missions.mission import Mission
+from ampi.onboard.reference import Mode
+from ampi.tracking.bank_limiter import BankLimits
+
+
+def test_every_vertex_of_the_table_is_its_optimum(database_file: Path, loaded: Guidance) -> None:
+    dataset, table = read_dataset(database_file), loaded.table
+    assert table.final_time.shape == dataset.shape == (1, 1, 1, 3, 3, 1)
+    for case in range(9):
+        index = np.unravel_index(case, dataset.shape)
+        optimum = dataset.trajectory(case)
+        values = table.values[index]
+        assert np.array_equal(values[:7], optimum.states)
+        assert np.array_equal(values[7], optimum.bank_rate)
+        assert np.array_equal(values[8:], dataset.gains[index])
+        assert table.final_time[index] == optimum.final_time
+        entry = [axis[i] for axis, i in zip(table.axes, index, strict=True)]
+        assert values[:6, 0] == pytest.approx(entry, rel=1e-12)
+
+
+def test_the_reference_of_a_vertex_is_the_optimum_between_its_nodes(
+    database_file: Path, loaded: Guidance
+) -> None:
+    """LD→HD loses nothing: Eq. (31) against the mesh's own polynomials."""
+    dataset = read_dataset(database_file)
+    for case in (0, 4, 7):
+        optimum = dataset.trajectory(case)
+        reference = loaded.reference(optimum.states[:6, 0])
+        states, bank_rate = optimum.at(reference.times)
+        size = np.abs(states).max(axis=1, keepdims=True)
+        assert np.abs((reference.states - states) / size).max() < 1e-9
+        assert np.abs(reference.bank_rate - bank_rate).max() < 1e-9
+        assert reference.inside
+
+
+def test_the_reference_begins_at_the_entry_state_inside_the_grid(
+    mission: Mission, loaded: Guidance
+) -> None:
+    """Multilinear in p, and the first node of every optimum is its entry state."""
+    entry = mission.entry_state + np.array([0.0, 0.0, 0.0, -31.0, 0.0017, 0.0])
+    reference = loaded.reference(entry)
+    assert reference.inside
+    assert reference.states[:6, 0] == pytest.approx(entry, rel=1e-12)
+
+
+def test_limits_and_centre_are_the_missions(mission: Mission, loaded: Guidance) -> None:
+    limits = mission.limits
+    assert loaded.limits == BankLimits(
+        limits.bank_angle, limits.bank_rate, limits.bank_acceleration
+    )
+    assert loaded.table.centre == (0, 0, 0, 1, 1, 0)
+    assert loaded.cycle == 0.5
+
+
+@pytest.mark.parametrize("mode", [*Mode, *(m.value for m in Mode)])
+def test_modes_by_name_or_value(database_file: Path, mode: Mode | str) -> None:
+    assert load_guidance(database_file, mode=mode).mode is Mode(mode)
+
+
+def test_the_default_mode_is_ampi(loaded: Guidance) -> None:
+    assert loaded.mode is Mode.AMPI
+
+
+def test_an_unknown_mode_is_named(database_file: Path) -> None:
+    with pytest.raises(ValueError, match="'cubic' is not a valid Mode"):
+        load_guidance(database_file, mode="cubic")
+
+
+def test_a_file_that_is_not_there_is_named(tmp_path: Path) -> None:
+    with pytest.raises(DatasetError, match=r"absent\.h5: no such file"):
+        load_guidance(tmp_path / "absent.h5")
+
+
+def test_a_hole_is_counted_and_its_message_told(database_file: Path) -> None:
+    dataset = read_dataset(database_file)
+    dataset.status[0, 0, 0, 2, 1, 0] = 3
+    dataset.message[0, 0, 0, 2, 1, 0] = b"stopped for a reason"
+    with pytest.raises(
+        DatasetError, match=r"1 of 9 cases have no solution, the first is case 7: stopped for a r"
+    ):
+        guidance_table(dataset)
