@@ -40,7 +40,7 @@ class Status(IntEnum):
 
 _SENTENCES = {
     Status.SOLVED: "Converged: optimal, the target met within its tolerances, every limit kept.",
-    Status.TARGET_MISSED: "Converged, but the target is out of reach within its tolerances.",
+    Status.TARGET_MISSED: "Converged, but the target is out of reach; this flight ends near it.",
     Status.LIMITS_EXCEEDED: "Converged, but a path limit cannot be kept; the excess is reported.",
     Status.ITERATION_LIMIT: "Stopped at the iteration limit before the step became small.",
     Status.STALLED: "Stopped: the trust region collapsed without a step that improves the merit.",

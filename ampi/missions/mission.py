@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 import tomllib
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from importlib import resources
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from pydantic import Field, ValidationError, model_validator
 
 from ampi.missions import units as u
-from ampi.missions.units import Dimension, Section
+from ampi.missions.units import Dimension, Number, Section
 from ampi.physics.aerodynamics import (
     Aerodynamics,
     ModifiedNewtonian,
@@ -39,14 +40,17 @@ class PlanetSection(Section):
 
     model: Literal["wgs84", "sphere"]
     radius: u.Length | None = None
-    surface_gravity: float | None = Field(default=None, gt=0)  # m/s²
-    rotation_rate: float = 0.0  # rad/s
-    load_factor_gravity: float | None = Field(default=None, gt=0)  # m/s²
+    surface_gravity: Number | None = Field(default=None, gt=0)  # m/s²
+    rotation_rate: Number | None = None  # rad/s; a sphere without one stands still
+    load_factor_gravity: Number | None = Field(default=None, gt=0)  # m/s²
 
     @model_validator(mode="after")
     def _sphere_is_complete(self) -> PlanetSection:
         if self.model == "sphere" and (self.radius is None or self.surface_gravity is None):
             raise ValueError("a sphere needs radius_km (or radius_m) and surface_gravity (m/s²)")
+        given = self.model_fields_set - {"model"}
+        if self.model == "wgs84" and given:
+            raise ValueError(f"wgs84 is complete in itself; remove {', '.join(sorted(given))}")
         return self
 
     def build(self) -> Planet:
@@ -57,7 +61,7 @@ class PlanetSection(Section):
             equatorial_radius=self.radius,
             gravitational_parameter=self.surface_gravity * self.radius**2,
             j2=0.0,
-            rotation_rate=self.rotation_rate,
+            rotation_rate=self.rotation_rate or 0.0,
             load_factor_gravity=self.load_factor_gravity or self.surface_gravity,
         )
 
@@ -66,7 +70,7 @@ class AtmosphereSection(Section):
     """`us76`, or `exponential` with surface density (kg/m³) and scale height."""
 
     model: Literal["us76", "exponential"]
-    surface_density: float | None = Field(default=None, gt=0)
+    surface_density: Number | None = Field(default=None, gt=0)
     scale_height: u.Length | None = None
 
     @model_validator(mode="after")
@@ -75,6 +79,9 @@ class AtmosphereSection(Section):
             self.surface_density is None or self.scale_height is None
         ):
             raise ValueError("exponential needs surface_density (kg/m³) and scale_height_m")
+        given = self.model_fields_set - {"model"}
+        if self.model == "us76" and given:
+            raise ValueError(f"us76 is complete in itself; remove {', '.join(sorted(given))}")
         return self
 
     def build(self) -> Atmosphere:
@@ -90,9 +97,9 @@ class ModifiedNewtonianSection(Section):
     """C_N = normal_quadratic · sin²α + normal_linear · sin α; C_A = axial."""
 
     model: Literal["modified_newtonian"]
-    normal_quadratic: float
-    normal_linear: float
-    axial: float
+    normal_quadratic: Number
+    normal_linear: Number
+    axial: Number
 
     def build(self) -> Aerodynamics:
         """The physics object."""
@@ -103,8 +110,8 @@ class PolynomialSection(Section):
     """C_L = Σ lift[k] α^k (α in degrees), C_D = Σ drag[k] C_L^k."""
 
     model: Literal["polynomial"]
-    lift: tuple[float, ...]
-    drag: tuple[float, ...]
+    lift: tuple[Number, ...]
+    drag: tuple[Number, ...]
 
     def build(self) -> Aerodynamics:
         """The physics object."""
@@ -115,10 +122,10 @@ class TableSection(Section):
     """Rows over angle of attack, columns over Mach number."""
 
     model: Literal["table"]
-    angle_of_attack: Annotated[tuple[float, ...], Dimension("angle")]
-    mach: tuple[float, ...]
-    lift: tuple[tuple[float, ...], ...]
-    drag: tuple[tuple[float, ...], ...]
+    angle_of_attack: Annotated[tuple[Number, ...], Dimension("angle")]
+    mach: tuple[Number, ...]
+    lift: tuple[tuple[Number, ...], ...]
+    drag: tuple[tuple[Number, ...], ...]
 
     def build(self) -> Aerodynamics:
         """The physics object."""
@@ -129,8 +136,8 @@ class AngleOfAttackSection(Section):
     """Two constant angles joined by a line over time (s) or speed (m/s)."""
 
     variable: Literal["time", "speed"]
-    start: float
-    end: float
+    start: Number
+    end: Number
     start_angle: u.Angle
     end_angle: u.Angle
 
@@ -140,8 +147,8 @@ class VehicleSection(Section):
 
     mass: u.Mass = Field(gt=0)
     reference_area: u.Area = Field(gt=0)
-    heat_flux_constant: float = Field(gt=0)
-    heat_flux_speed_exponent: float = Field(default=3.0, ge=1, le=4)
+    heat_flux_constant: Number = Field(gt=0)
+    heat_flux_speed_exponent: Number = Field(default=3.0, ge=1, le=4)
     aerodynamics: Annotated[
         ModifiedNewtonianSection | PolynomialSection | TableSection, Field(discriminator="model")
     ]
@@ -199,7 +206,7 @@ class ObjectiveSection(Section):
     latitude_weight: u.PerAngleSquared = Field(ge=0)
     altitude_weight: u.PerLengthSquared = Field(ge=0)
     speed_weight: u.PerSpeedSquared = Field(ge=0)
-    bank_rate_effort: float = Field(gt=0)  # per (deg/s)² s
+    bank_rate_effort: Number = Field(gt=0)  # per (deg/s)² s
 
 
 class GuessSection(Section):
@@ -213,7 +220,7 @@ class PhaseSection(Section):
 
     end: u.Time | None = None
     degrees: tuple[int, ...]
-    fractions: tuple[float, ...] | None = None
+    fractions: tuple[Number, ...] | None = None
 
 
 class MeshSection(Section):
@@ -229,12 +236,12 @@ class MeshSection(Section):
 class GridSection(Section):
     """Offsets from the nominal entry state, one strictly increasing axis per state, Eq. (9)."""
 
-    altitude: Annotated[tuple[float, ...], Dimension("length")] = (0.0,)
-    longitude: Annotated[tuple[float, ...], Dimension("angle")] = (0.0,)
-    latitude: Annotated[tuple[float, ...], Dimension("angle")] = (0.0,)
-    speed: Annotated[tuple[float, ...], Dimension("speed")] = (0.0,)
-    flight_path_angle: Annotated[tuple[float, ...], Dimension("angle")] = (0.0,)
-    azimuth: Annotated[tuple[float, ...], Dimension("angle")] = (0.0,)
+    altitude: Annotated[tuple[Number, ...], Dimension("length")] = (0.0,)
+    longitude: Annotated[tuple[Number, ...], Dimension("angle")] = (0.0,)
+    latitude: Annotated[tuple[Number, ...], Dimension("angle")] = (0.0,)
+    speed: Annotated[tuple[Number, ...], Dimension("speed")] = (0.0,)
+    flight_path_angle: Annotated[tuple[Number, ...], Dimension("angle")] = (0.0,)
+    azimuth: Annotated[tuple[Number, ...], Dimension("angle")] = (0.0,)
 
     @model_validator(mode="after")
     def _axes_increase(self) -> GridSection:
@@ -269,7 +276,7 @@ class Mission(Section):
 
     @model_validator(mode="after")
     def _parts_fit(self) -> Mission:
-        _ = self.flight_model, self.pseudospectral_mesh  # their own checks
+        _ = self.flight_model, self.pseudospectral_mesh.segments  # their own checks
         if self.target.speed >= self.entry.speed:
             raise ValueError(
                 f"target.speed ({self.target.speed:g} m/s) must be below entry.speed "
@@ -308,7 +315,14 @@ class Mission(Section):
         entry = EntrySection.model_construct(
             **dict(zip(ENTRY_STATES, values.tolist(), strict=True))
         )
-        return self.model_copy(update={"entry": entry})
+        return super().model_copy(update={"entry": entry})  # the model and the mesh stay
+
+    def model_copy(self, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> Self:
+        """A copy with other sections; what is derived from them is derived anew."""
+        copied = super().model_copy(update=update, deep=deep)
+        for derived in ("flight_model", "pseudospectral_mesh"):
+            copied.__dict__.pop(derived, None)
+        return copied
 
 
 @dataclass(frozen=True)
@@ -328,7 +342,10 @@ def _read(name_or_path: str | Path) -> _Source:
     if path.suffix == ".toml" or path.exists():
         if not path.is_file():
             raise MissionError(f"mission: no file at {path}")
-        return _Source(str(path), path.read_text(encoding="utf-8"))
+        try:
+            return _Source(str(path), path.read_text(encoding="utf-8"))
+        except UnicodeDecodeError:
+            raise MissionError(f"{path}: not a text file in UTF-8") from None
     known = shipped_missions()
     if str(name_or_path) not in known:
         raise MissionError(
@@ -353,7 +370,8 @@ def parse_mission(text: str, label: str = "mission") -> Mission:
             where = ".".join(str(part) for part in fault["loc"])
             message = fault["msg"].removeprefix("Value error, ")
             got = fault["input"]
-            shown = "" if isinstance(got, dict) else f" (got {got!r})"
+            unit = " in SI units" if fault["type"].startswith(("greater", "less")) else ""
+            shown = "" if isinstance(got, dict) else f" (got {got!r}{unit})"
             lines.append(f"  {where + ': ' if where else ''}{message}{shown}")
         raise MissionError(f"{label}: {len(lines)} faulty field(s)\n" + "\n".join(lines)) from None
 

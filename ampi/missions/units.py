@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from typing import Annotated, Any, get_args
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, model_validator
+from pydantic import BaseModel, ConfigDict, Field, model_validator
 from pydantic.fields import FieldInfo
 
 DEGREE = float(np.pi / 180.0)
@@ -56,11 +56,14 @@ PerLengthSquared = Annotated[float, Dimension("inverse length squared")]
 PerSpeedSquared = Annotated[float, Dimension("inverse speed squared")]
 
 
-def _convert(value: Any, factor: float) -> Any:
+Number = Annotated[float, Field(strict=True)]
+
+
+def _convert(key: str, value: Any, factor: float) -> Any:
     if isinstance(value, (list, tuple)):
-        return [_convert(item, factor) for item in value]
+        return [_convert(key, item, factor) for item in value]
     if isinstance(value, bool) or not isinstance(value, (int, float)):
-        return value  # left to the type check, which names the field
+        raise ValueError(f"{key}: expected a number, got {value!r}")
     return value * factor
 
 
@@ -86,20 +89,26 @@ class Section(BaseModel):
             if dimension is None:
                 continue
             units = UNITS[dimension.name]
+            wanted = f"{'an' if dimension.name[0] in 'aei' else 'a'} {dimension.name}"
             keys = [f"{name}_{unit}" for unit in units]
             given = [key for key in keys if key in data]
             if name in data:
                 raise ValueError(
-                    f"{name}: expected a {dimension.name} with its unit in the key "
+                    f"{name}: expected {wanted} with its unit in the key "
                     f"({' or '.join(keys)}), got {name} = {data[name]!r}"
                 )
             if len(given) > 1:
                 raise ValueError(f"{name}: given more than once, as {' and '.join(given)}")
             if given:
                 unit = given[0][len(name) + 1 :]
-                data[name] = _convert(data.pop(given[0]), units[unit])
+                data[name] = _convert(given[0], data.pop(given[0]), units[unit])
             elif info.is_required():
-                raise ValueError(
-                    f"{name}: expected a {dimension.name} ({' or '.join(keys)}), got nothing"
-                )
+                others = {o for o in cls.model_fields if o != name and o.startswith(name)}
+                near = [
+                    key
+                    for key in data
+                    if key.startswith(f"{name}_") and not any(key.startswith(o) for o in others)
+                ]
+                came = near[0] if near else "nothing"
+                raise ValueError(f"{name}: expected {wanted} ({' or '.join(keys)}), got {came}")
         return data

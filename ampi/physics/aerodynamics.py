@@ -1,12 +1,13 @@
 """Lift and drag coefficients over angle of attack α (rad) and Mach number: formulas and tables.
 
-A table becomes a tensor product of natural cubic splines, written in truncated powers,
+A table becomes a tensor product of cubic splines with zero slope at their ends, in truncated powers,
 
-    s(x) = a₀ + a₁ x + Σ_k c_k (x − x_k)₊³,                                    (1)
+    s(x) = a₀ + a₂ t² + a₃ t³ + Σ_k c_k (x − x_k)₊³,                           (1)
 
-which is twice continuously differentiable and needs no index, so it can be traced symbolically.
-Outside the table its edge value is held ("no data outside"). To keep the second derivative
-continuous there, the edge value is repeated at two more knots before the coordinate is clamped.
+which needs no index, so it can be traced symbolically. Outside the table its edge value is held ("no
+data outside"): the value is repeated at two more knots beyond the edge, the spline levels off between
+them, and the coordinate is clamped at the outer one. The result has two continuous derivatives
+everywhere but at the clamp, where it has one.
 
 References
 ----------
@@ -67,15 +68,18 @@ class PolynomialDragPolar:
         return lift, sum(c * lift**k for k, c in enumerate(self.drag))
 
 
-def _natural_basis(knots: NDArray[np.float64], x: Any) -> list[Any]:
-    """The n truncated-power functions that span the natural cubic splines over n `knots`."""
-
-    def ramp(k: int) -> Any:
-        return np.fmax(x - knots[k], 0.0) ** 3 / (knots[-1] - knots[k])
-
-    last = len(knots) - 2
-    cubic = [ramp(k) - ramp(last) for k in range(last)]
-    return [1.0 + 0.0 * x, x, *cubic] if len(knots) > 2 else [1.0 + 0.0 * x, x]
+def _clamped_basis(knots: NDArray[np.float64], x: Any) -> list[Any]:
+    """The n truncated-power functions that span the cubic splines with zero slope at both ends."""
+    length = knots[-1] - knots[0]
+    last = knots[-1] - knots[-2]
+    t = (x - knots[0]) / length
+    # r has slope 1 at the right end; subtracting f'(end) r from f takes its slope there away
+    r = np.fmax(x - knots[-2], 0.0) ** 3 / (3.0 * last**2)
+    basis = [1.0 + 0.0 * x, t**2 - 2.0 / length * r, t**3 - 3.0 / length * r]
+    for knot in knots[1:-2]:
+        width = knots[-1] - knot
+        basis.append((np.fmax(x - knot, 0.0) / width) ** 3 - 3.0 / width * r)
+    return basis
 
 
 def _held(axis: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -97,19 +101,27 @@ class TabulatedAerodynamics:
     _weights: tuple[Any, ...] = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
+        for name in ("angle_of_attack", "mach"):
+            axis = getattr(self, name)
+            if len(axis) < 2 or np.any(np.diff(axis) <= 0):
+                raise ValueError(
+                    f"aerodynamics.{name}: expected at least two strictly increasing values, "
+                    f"got {list(axis)}"
+                )
         shape = (len(self.angle_of_attack), len(self.mach))
         for name in ("lift", "drag"):
-            if np.shape(getattr(self, name)) != shape:
+            rows = [len(row) for row in getattr(self, name)]
+            if rows != [shape[1]] * shape[0]:
                 raise ValueError(
-                    f"aerodynamics.{name}: expected a table of shape {shape} "
-                    f"(angle_of_attack × mach), got {np.shape(getattr(self, name))}"
+                    f"aerodynamics.{name}: expected {shape[0]} rows (angle_of_attack) of "
+                    f"{shape[1]} numbers (mach), got rows of {rows}"
                 )
         alpha, mach = _held(np.array(self.angle_of_attack)), _held(np.array(self.mach))
         weights: list[Any] = [alpha, mach]
         for table in (self.lift, self.drag):
             values = np.pad(np.array(table), 2, mode="edge")
-            left = np.stack(_natural_basis(alpha, alpha), axis=-1)
-            right = np.stack(_natural_basis(mach, mach), axis=-1)
+            left = np.stack(_clamped_basis(alpha, alpha), axis=-1)
+            right = np.stack(_clamped_basis(mach, mach), axis=-1)
             weights.append(np.linalg.solve(right, np.linalg.solve(left, values).T).T)
         object.__setattr__(self, "_weights", tuple(weights))
 
@@ -118,7 +130,7 @@ class TabulatedAerodynamics:
         alpha_knots, mach_knots, lift, drag = self._weights
         alpha = np.fmin(np.fmax(angle_of_attack, alpha_knots[0]), alpha_knots[-1])
         mach = np.fmin(np.fmax(mach, mach_knots[0]), mach_knots[-1])
-        left, right = _natural_basis(alpha_knots, alpha), _natural_basis(mach_knots, mach)
+        left, right = _clamped_basis(alpha_knots, alpha), _clamped_basis(mach_knots, mach)
 
         def evaluate(table: NDArray[np.float64]) -> Any:
             rows = [sum(w * b for w, b in zip(row, right, strict=True)) for row in table]

@@ -53,10 +53,14 @@ class Phase:
     fractions: tuple[float, ...] | None = None  # inner and outer cuts, 0 … 1; uniform if None
 
     def __post_init__(self) -> None:
-        if not self.degrees:
-            raise ValueError("mesh.phase.degrees: expected at least one segment, got none")
+        if not self.degrees or min(self.degrees) < 1:
+            raise ValueError(
+                "mesh.phase.degrees: expected at least one segment of degree 1 or more, "
+                f"got {list(self.degrees)}"
+            )
         cuts = self.cuts
-        if len(cuts) != len(self.degrees) + 1 or np.any(np.diff(cuts) <= 0):
+        spans = cuts[0] == 0.0 and cuts[-1] == 1.0
+        if len(cuts) != len(self.degrees) + 1 or not spans or np.any(np.diff(cuts) <= 0):
             raise ValueError(
                 f"mesh.phase.fractions: expected {len(self.degrees) + 1} increasing numbers "
                 f"from 0 to 1, got {self.fractions}"

@@ -43,8 +43,8 @@ class ElasticSettings:
     """Dimensionless; `price` multiplies Eq. (3)."""
 
     price: float = 6.0
-    growth: float = 10.0
-    growths: int = 1  # before the target counts as out of reach
+    growth: float = 100.0
+    growths: int = 1  # at convergence: then the target is met, or out of reach
     settled: int = 8  # accepted steps with the same elastic targets: then Newton's model is tried
 
 

@@ -3,7 +3,9 @@
     merit = effort + φ_ν(e) + ρ Σ_k max(0, max_i g_ik − 1)                      (1)
 
 ρ must exceed the sum of the limits' multipliers. It starts far above those of an ordinary mission
-and, where an excess stays open at convergence, grows once; it never shrinks.
+and, where an excess stays open at convergence, grows tenfold, several times: a limit a hair above
+what is feasible has multipliers of any size. It never shrinks. Stopping as soon as a growth leaves
+the excess almost unmoved was tried, and gives up feasible limits: the excess falls late.
 """
 
 from __future__ import annotations
@@ -21,8 +23,8 @@ class PenaltySettings:
     """In units of the reference effort; the limits are scaled to one."""
 
     initial: float = 20.0
-    growth: float = 30.0
-    growths: int = 1  # before a limit counts as one that cannot be kept
+    growth: float = 10.0
+    growths: int = 5  # then the limit counts as one that cannot be kept
     tolerance: float = 1e-6  # excess counted as open
 
 

@@ -52,7 +52,8 @@ Array = NDArray[np.float64]
 class SolverSettings:
     """All numbers that steer the method; none depends on the mission."""
 
-    max_iterations: int = 120
+    max_iterations: int = 200
+    patience: int = 40  # iterations given to a raised price or penalty before it counts as vain
     trust_region: TrustRegionSettings = field(default_factory=TrustRegionSettings)
     elastic: ElasticSettings = field(default_factory=ElasticSettings)
     penalty: PenaltySettings = field(default_factory=PenaltySettings)
@@ -92,6 +93,9 @@ def solve(
         return _Solve(problem, settings).run(nodal, warm=isinstance(guess, Trajectory))
 
 
+_CONVERGED = (Status.TARGET_MISSED, Status.LIMITS_EXCEEDED)
+
+
 @lru_cache(maxsize=1)
 def _blas() -> ThreadpoolController:
     return ThreadpoolController()
@@ -116,8 +120,10 @@ class _Solve:
         self.multipliers = Multipliers.zero(problem.mesh.n_nodes)
         self.price = np.zeros(N_TARGETS)
         self.penalty = 0.0
-        self.growths = 0
+        self.price_growths = self.penalty_growths = 0
         self.settled = 0  # accepted steps since the elastic targets last changed
+        self.fallback: Point | None = None  # converged, with something open
+        self.grown_at = 0
         self.log: list[IterationRecord] = []
         self.subproblem_seconds = 0.0
         self.began = time.perf_counter()
@@ -142,7 +148,8 @@ class _Solve:
             if not best.step.usable:
                 status = Status.SUBPROBLEM_FAILED
                 break
-            small = size < self.settings.convergence.step
+            # a step that the trust region cut short says nothing about convergence
+            small = size < min(self.settings.convergence.step, 0.9 * self.region.radius)
             accepted = best.point is not None and (
                 small or ratio > self.settings.trust_region.accept
             )
@@ -156,6 +163,7 @@ class _Solve:
                     self.problem,
                     point.iterate.states[-1],
                     point.excess,
+                    bought_off=bool(self.elastic().any()),
                 )
                 break
             if not small:
@@ -163,6 +171,15 @@ class _Solve:
             if self.region.collapsed:
                 status = Status.STALLED
                 break
+            if self.fallback is not None and iteration > self.grown_at + self.settings.patience:
+                break
+        if self.fallback is not None and status not in (Status.SOLVED, *_CONVERGED):
+            # no dearer price led anywhere: the flight that had converged before it is the answer
+            point = self.fallback
+            final = point.iterate.states[-1]
+            status = verdict(
+                self.settings.convergence, self.problem, final, point.excess, bought_off=True
+            )
         return self.result(point, status)
 
     def elastic(self) -> NDArray[np.bool_]:
@@ -280,13 +297,20 @@ class _Solve:
         """At convergence: raise what is still open; False when nothing is, or nothing helps."""
         settings = self.settings
         elastic, exceeded = self.elastic(), bool(point.excess.max() > settings.penalty.tolerance)
-        buy = elastic.any() and self.growths < settings.elastic.growths
-        exceed = exceeded and self.growths < settings.penalty.growths
-        if not (buy or exceed):
+        raise_price = bool(elastic.any()) and self.price_growths < settings.elastic.growths
+        raise_penalty = exceeded and self.penalty_growths < settings.penalty.growths
+        if raise_price:
+            self.price = np.where(elastic, settings.elastic.growth * self.price, self.price)
+            self.price_growths += 1
+        if raise_penalty:
+            self.penalty *= settings.penalty.growth
+            self.penalty_growths += 1
+        if not (raise_price or raise_penalty):
             return False
-        self.growths += 1
-        self.price = np.where(elastic, settings.elastic.growth * self.price, self.price)
-        self.penalty *= settings.penalty.growth if exceeded else 1.0
+        if self.fallback is None or point.excess.sum() <= self.fallback.excess.sum():
+            self.fallback = point
+        self.grown_at = len(self.log)
+        self.region.radius = settings.trust_region.initial
         return True
 
     def record(

@@ -18,7 +18,7 @@ class TrustRegionSettings:
 
     initial: float = 0.3  # rad
     largest: float = 4.0  # rad
-    smallest: float = 1e-7  # rad: below, the solve has stalled
+    smallest: float = 1e-6  # rad: below, the solve has stalled
     accept: float = 1e-3  # least ratio of actual to predicted reduction
     shrink_below: float = 0.25
     grow_above: float = 0.7

@@ -17,8 +17,7 @@ from ampi.missions import Mission
 from ampi.physics.equations_of_motion import equations_of_motion
 from ampi.physics.path_constraints import PATH_CONSTRAINTS, path_constraints
 from ampi.scp.guess import ConstantBank, NodalGuess, constant_bank_guess
-from ampi.scp.penalty import PenaltySettings
-from ampi.scp.solve import SolverSettings, solve
+from ampi.scp.solve import solve
 from ampi.trajectory import Status, Trajectory
 
 Array = NDArray[np.float64]
@@ -30,7 +29,6 @@ IPOPT = {  # limits to the last digit: relaxed by 1e-8, an active one is worth 6
     "max_iter": 500,
     "bound_relax_factor": 0.0,
 }
-PATIENT = SolverSettings(penalty=PenaltySettings(growth=10.0, growths=5))
 GUESS = ConstantBank(np.radians(-30.0))
 
 
@@ -191,7 +189,7 @@ def test_an_optimum_on_the_dynamic_pressure_limit(mission: Mission, nominal: Tra
 def test_an_optimum_on_the_heat_flux_limit(mission: Mission, nominal: Trajectory) -> None:
     # The peak comes after a minute, before the bank angle has much to say: 0.05 % cost tenfold.
     cool = limited(mission, 1, 0.9995, nominal)
-    ours = solve(cool, guess=GUESS, settings=PATIENT)
+    ours = solve(cool, guess=GUESS)
     assert ours.status is Status.SOLVED
     assert ours.cost > 5.0 * nominal.cost
     assert_the_same(ours, nlp(cool, flown(cool, -30.0)))
@@ -199,7 +197,7 @@ def test_an_optimum_on_the_heat_flux_limit(mission: Mission, nominal: Trajectory
 
 def test_the_smallest_excess_of_a_hopeless_limit(mission: Mission, nominal: Trajectory) -> None:
     cold = limited(mission, 1, 0.95, nominal)
-    ours = solve(cold, guess=GUESS, settings=PATIENT)
+    ours = solve(cold, guess=GUESS)
     assert ours.status is Status.LIMITS_EXCEEDED
     witness = nlp(cold, flown(cold, -30.0), excess_price=1e7)
     assert witness.status == "Solve_Succeeded"

@@ -247,8 +247,7 @@ def test_a_heat_flux_limit_below_the_peak_is_kept(mission: Mission, nominal: Tra
     # The dearest of limits: its multiplier asks for a penalty that may grow more than once.
     peak = mission.limits.heat_flux * over_limits(mission, nominal)[1].max()
     cool = limited(mission, heat_flux=0.9995 * peak)
-    patient = SolverSettings(penalty=PenaltySettings(growth=10.0, growths=5))
-    kept = solve(cool, guess=GUESS, settings=patient)
+    kept = solve(cool, guess=GUESS)
     assert kept.status is Status.SOLVED
     assert over_limits(cool, kept)[1].max() == pytest.approx(1.0, abs=1e-6)
     assert kept.cost > nominal.cost
@@ -306,10 +305,7 @@ def test_a_failed_subproblem_is_a_status(mission: Mission, monkeypatch: pytest.M
 def test_prices_grow_only_where_something_is_open(
     problem: OptimalControlProblem, optimum: Point
 ) -> None:
-    settings = SolverSettings(
-        elastic=ElasticSettings(growth=3.0, growths=2),
-        penalty=PenaltySettings(growth=10.0, growths=4),
-    )
+    settings = SolverSettings(elastic=ElasticSettings(growth=3.0))
     run = _Solve(problem, settings)
     run.price, run.penalty = np.array([1.0, 2.0, 3.0, 4.0]), 5.0
     assert not run.grow_penalties(optimum)  # nothing is open
@@ -317,20 +313,29 @@ def test_prices_grow_only_where_something_is_open(
     assert run.grow_penalties(optimum)
     assert run.price == pytest.approx([1.0, 6.0, 3.0, 12.0])
     run.multipliers = replace(run.multipliers, target=np.array([0.5, 0.0, 0.0, 12.0]))
-    assert run.grow_penalties(optimum)
-    assert not run.grow_penalties(optimum)  # twice, then the target counts as out of reach
-    assert run.price == pytest.approx([1.0, 6.0, 3.0, 36.0])
+    assert not run.grow_penalties(optimum)  # once, then the target counts as out of reach
     assert run.penalty == 5.0
 
+
+def test_price_and_penalty_grow_on_their_own_counts(
+    problem: OptimalControlProblem, optimum: Point
+) -> None:
+    settings = SolverSettings(
+        elastic=ElasticSettings(growth=3.0, growths=1),
+        penalty=PenaltySettings(growth=10.0, growths=4),
+    )
     run = _Solve(problem, settings)
     run.price, run.penalty = np.ones(4), 5.0
+    run.multipliers = replace(run.multipliers, target=np.array([0.0, 1.0, 0.0, 0.0]))
+    assert run.grow_penalties(optimum)
+    run.multipliers = replace(run.multipliers, target=np.zeros(4))
     exceeded = replace(optimum, excess=np.array([0.0, 1e-5, 0.0]))
     grown = 0
     while run.grow_penalties(exceeded):
         grown += 1
     assert grown == 4  # then the limit counts as one that cannot be kept
     assert run.penalty == pytest.approx(5e4)
-    assert np.all(run.price == 1.0)
+    assert run.price == pytest.approx([1.0, 3.0, 1.0, 1.0])
 
 
 def test_a_neighbour_brings_its_multipliers(

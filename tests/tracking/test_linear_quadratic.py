@@ -8,11 +8,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from ampi.tracking.linear_quadratic import AZIMUTH, LONGITUDE, bank_rate_command, wrapped
+from ampi.tracking.linear_quadratic import bank_rate_command, wrapped
 
 Array = NDArray[np.float64]
 
 laws = settings(deadline=None, max_examples=200)
+LONGITUDE, AZIMUTH = 1, 5  # of h, θ, φ, V, γ, ψ, σ
 seeds = st.integers(0, 2**32 - 1)
 SIZES = np.array([1e5, 3.0, 1.5, 5e3, 0.3, 3.0, 1.0])
 

@@ -1,0 +1,85 @@
+"""SHEFEX-3 with a nine-case database, speed × flight-path angle, and synthetic campaigns."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import database
+from ampi.dataset import TrajectoryDataset, read_dataset
+from ampi.guidance import Guidance
+from ampi.loading import load_guidance
+from ampi.missions.mission import Mission, load_mission, parse_mission
+from ampi.onboard.reference import Mode
+from ampi.simulation.monte_carlo import Flights
+
+SMALL_GRID = """[grid]
+speed_m_per_s = [-70.0, 0.0, 70.0]
+flight_path_angle_deg = [-0.5, 0.0, 0.5]
+"""
+
+
+@pytest.fixture(scope="session")
+def shefex3() -> Mission:
+    """As shipped: all six axes have three points."""
+    return load_mission("shefex3")
+
+
+@pytest.fixture(scope="session")
+def mission(shefex3: Mission) -> Mission:
+    return parse_mission(shefex3.toml[: shefex3.toml.index("[grid]")] + SMALL_GRID)
+
+
+@pytest.fixture(scope="session")
+def database_file(mission: Mission, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("simulation") / "small.h5"
+    assert database.build(mission, path, n_jobs=2).solved == 9
+    return path
+
+
+@pytest.fixture(scope="session")
+def dataset(database_file: Path) -> TrajectoryDataset:
+    return read_dataset(database_file)
+
+
+@pytest.fixture(scope="session")
+def guidance(database_file: Path) -> Guidance:
+    return load_guidance(database_file)
+
+
+def synthetic_flights(n: int = 200, seed: int = 0, **changes: Any) -> Flights:
+    """A campaign of random numbers; k = 4 recorded points."""
+    rng = np.random.default_rng(seed)
+    along, across = 20e3 * rng.standard_normal(n), 10e3 * rng.standard_normal(n)
+    values: dict[str, Any] = {
+        "mission": "synthetic",
+        "mode": Mode.AMPI,
+        "seed": 7,
+        "distribution": "normal",
+        "entry_states": np.random.default_rng(99).standard_normal((n, 6)),
+        "clipped": rng.random(n) < 0.2,
+        "status": np.zeros(n, dtype=np.int64),
+        "final_states": rng.standard_normal((n, 7)),
+        "final_time": rng.uniform(500.0, 600.0, n),
+        "miss": np.hypot(along, across),
+        "along": along,
+        "across": across,
+        "altitude_error": 100.0 * rng.standard_normal(n),
+        "speed_error": 1e-6 * rng.standard_normal(n),
+        "times": np.arange(4.0),
+        "states": rng.standard_normal((n, 7, 4)),
+        "reference_states": rng.standard_normal((n, 7, 4)),
+        "bank_rate": rng.standard_normal((n, 4)),
+        "path": rng.uniform(0.0, 1.1, (n, 3, 4)),
+        "peak": rng.uniform(0.5, 1.1, (n, 3)),
+    }
+    return Flights(**{**values, **changes})
+
+
+@pytest.fixture(scope="session")
+def make_flights() -> Callable[..., Flights]:
+    return synthetic_flights

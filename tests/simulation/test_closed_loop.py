@@ -1,0 +1,188 @@
+"""The closed loop's own integrator against DOP853, and the records of flights that end otherwise."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy.integrate import solve_ivp
+
+from ampi.guidance import Guidance
+from ampi.missions.mission import Mission, parse_mission
+from ampi.onboard.reference import Mode
+from ampi.physics.equations_of_motion import equations_of_motion
+from ampi.physics.path_constraints import path_constraints
+from ampi.simulation.closed_loop import LONGEST, FlightBatch, FlightStatus, fly_batch
+from ampi.simulation.dispersions import Dispersions, Distribution
+
+Array = NDArray[np.float64]
+
+
+@pytest.fixture(scope="module")
+def entries(mission: Mission) -> Array:
+    """Corners, inside and outside of the small grid."""
+    return np.vstack(
+        [
+            mission.entry_state,
+            Dispersions.from_mission(mission, Distribution.CORNERS).draw(mission, 4, 1),
+            Dispersions.from_mission(mission, Distribution.UNIFORM).draw(mission, 4, 2),
+            Dispersions((250.0, 8e-3, 8e-3, 70.0, 8e-3, 8e-3)).draw(mission, 4, 3),
+        ]
+    )
+
+
+@pytest.fixture(scope="module")
+def batch(mission: Mission, guidance: Guidance, entries: Array) -> FlightBatch:
+    """Recorded at every cycle."""
+    return fly_batch(mission, guidance, entries, record_every=guidance.cycle)
+
+
+# --- laws -----------------------------------------------------------------------------------------
+
+
+def test_flights_of_a_batch_do_not_see_each_other(
+    mission: Mission, guidance: Guidance, entries: Array, batch: FlightBatch
+) -> None:
+    reverse = fly_batch(mission, guidance, entries[::-1].copy())
+    assert reverse.final_states[::-1] == pytest.approx(batch.final_states, rel=1e-10)
+    alone = fly_batch(mission, guidance, entries[5:6])
+    assert alone.final_states[0] == pytest.approx(batch.final_states[5], rel=1e-10)
+    assert alone.final_time[0] == pytest.approx(float(batch.final_time[5]), rel=1e-12)
+
+
+def test_every_flight_keeps_the_limits_of_its_actuator(
+    mission: Mission, guidance: Guidance, batch: FlightBatch
+) -> None:
+    limits = guidance.limits
+    rates = batch.bank_rate
+    assert np.nanmax(np.abs(rates)) <= limits.rate * (1 + 1e-12)
+    assert np.nanmax(np.abs(np.diff(rates, axis=1))) <= limits.acceleration * 0.5 * (1 + 1e-9)
+    assert np.nanmax(np.abs(batch.states[:, 6])) <= limits.angle * (1 + 1e-12)
+
+
+def test_the_bank_angle_is_the_integral_of_the_bank_rate(batch: FlightBatch) -> None:
+    rates, banks = batch.bank_rate, batch.states[:, 6]
+    change = 0.25 * (rates[:, 1:] + rates[:, :-1])
+    assert np.nanmax(np.abs(np.diff(banks, axis=1) - change)) < 1e-12
+
+
+def test_flights_end_at_the_target_speed_at_the_time_they_say(
+    mission: Mission, batch: FlightBatch
+) -> None:
+    assert batch.status.tolist() == [int(FlightStatus.REACHED_SPEED)] * len(batch.status)
+    assert batch.final_states[:, 3] == pytest.approx(
+        np.full(len(batch.status), mission.target.speed), abs=1e-4
+    )
+    recorded = np.isfinite(batch.states[:, 3])
+    last = recorded.sum(axis=1) - 1
+    for i, k in enumerate(last):
+        assert np.all(recorded[i, : k + 1])
+        assert 0.0 < batch.final_time[i] - batch.times[k] <= 0.5 + 1e-6
+        assert batch.states[i, 3, k] > mission.target.speed
+
+
+def test_records_are_thinned_as_asked(
+    mission: Mission, guidance: Guidance, entries: Array, batch: FlightBatch
+) -> None:
+    thin = fly_batch(mission, guidance, entries, record_every=7.0)
+    assert np.array_equal(thin.times, batch.times[::14])
+    assert np.array_equal(thin.states, batch.states[..., ::14], equal_nan=True)
+    assert np.array_equal(thin.bank_rate, batch.bank_rate[:, ::14], equal_nan=True)
+    assert np.array_equal(thin.reference_states, batch.reference_states[..., ::14], equal_nan=True)
+    assert np.array_equal(thin.final_states, batch.final_states)
+
+
+def test_peaks_are_read_at_every_cycle_however_thin_the_record(
+    mission: Mission, guidance: Guidance, entries: Array, batch: FlightBatch
+) -> None:
+    states = batch.states.transpose(1, 0, 2)
+    loads = path_constraints(mission.flight_model, states, batch.times)
+    expected = np.stack([np.nanmax(load, axis=1) for load in loads], axis=1)
+    assert batch.peak == pytest.approx(expected, rel=1e-12)
+    thin = fly_batch(mission, guidance, entries, record_every=100.0)
+    assert np.array_equal(thin.peak, batch.peak)
+
+
+def test_clipped_tells_the_entries_outside_the_grid(batch: FlightBatch) -> None:
+    assert batch.clipped.tolist() == [False] * 9 + [True] * 4
+
+
+# --- witness --------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("flight", [0, 3, 7, 11])
+def test_rk4_agrees_with_dop853_under_the_flown_bank_rate(
+    mission: Mission, batch: FlightBatch, flight: int
+) -> None:
+    """The rate is linear over a cycle, so the bank angle a known parabola; six states are left."""
+    n = int(np.isfinite(batch.bank_rate[flight]).sum())
+    times, rates = batch.times[:n], batch.bank_rate[flight, :n]
+    banks = batch.states[flight, 6, :n]
+    cycle = float(times[1])
+
+    def bank_angle(t: float) -> float:
+        k = min(int(t / cycle), n - 2)
+        s = t - times[k]
+        return float(banks[k] + rates[k] * s + (rates[k + 1] - rates[k]) * s * s / (2.0 * cycle))
+
+    def f(t: float, x: Array) -> Array:
+        seven = [*x, bank_angle(t)]
+        return np.array(equations_of_motion(mission.flight_model, seven, 0.0, t)[:6], dtype=float)
+
+    x = batch.states[flight, :6, 0]
+    kinks = [58.0, 88.0]  # of the angle-of-attack schedule
+    for begin, end in pairwise([0.0, *kinks, float(times[-1])]):
+        solution = solve_ivp(
+            f, (begin, end), x, method="DOP853", rtol=1e-9, atol=1e-9, max_step=1.0
+        )
+        assert solution.success
+        x = solution.y[:, -1]
+    radius = mission.flight_model.planet.equatorial_radius
+    difference = x - batch.states[flight, :6, n - 1]
+    assert abs(difference[0]) < 1.0  # m
+    assert radius * np.hypot(difference[1] * np.cos(x[2]), difference[2]) < 1.0  # m
+    assert abs(difference[3]) < 0.05  # m/s
+
+
+# --- flights that end otherwise -------------------------------------------------------------------
+
+
+def test_a_dive_ends_at_the_ground(mission: Mission, guidance: Guidance) -> None:
+    """Ten thousand times as heavy, the air does not slow it down before the ground does."""
+    heavy = parse_mission(mission.toml.replace("mass_kg = 500.0", "mass_kg = 5e6"))
+    entry = mission.entry_state.copy()
+    entry[4] = np.radians(-80.0)
+    batch = fly_batch(heavy, guidance, np.vstack([entry, entry]))
+    assert batch.status.tolist() == [int(FlightStatus.GROUND)] * 2
+    assert -4712.0 * 0.5 < batch.final_states[0, 0] < 0.0
+    assert batch.final_states[0, 3] > 4000.0
+    assert batch.final_time[0] == pytest.approx(
+        100.1e3 / (4712.0 * np.sin(np.radians(80))), rel=0.05
+    )
+    assert batch.clipped.tolist() == [True, True]
+
+
+def test_a_vehicle_that_leaves_the_planet_meets_the_time_limit(
+    mission: Mission, guidance: Guidance
+) -> None:
+    entry = mission.entry_state.copy()
+    entry[[3, 4]] = 11.5e3, np.radians(30.0)
+    batch = fly_batch(mission, guidance, np.vstack([mission.entry_state, entry]))
+    assert batch.status.tolist() == [int(FlightStatus.REACHED_SPEED), int(FlightStatus.TIME_LIMIT)]
+    longest = LONGEST * max(guidance.reference(e).final_time for e in (mission.entry_state, entry))
+    assert batch.final_time[1] == pytest.approx(longest, abs=0.5)
+    assert np.all(np.isfinite(batch.final_states[1]))
+    assert np.all(np.isfinite(batch.states[1]))
+
+
+@pytest.mark.parametrize("mode", list(Mode))
+def test_an_entry_that_is_not_a_number_is_a_record(
+    mission: Mission, guidance: Guidance, mode: Mode
+) -> None:
+    entry = mission.entry_state.copy()
+    entry[3] = np.nan
+    batch = fly_batch(mission, guidance.in_mode(mode), np.vstack([entry, mission.entry_state]))
+    assert batch.status.tolist() == [int(FlightStatus.NOT_FINITE), int(FlightStatus.REACHED_SPEED)]
+    assert np.all(np.isnan(batch.final_states[0]))

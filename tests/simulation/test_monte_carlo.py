@@ -1,0 +1,186 @@
+"""Campaigns: the same numbers on any number of workers, and nothing dropped."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import fields
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from ampi.guidance import Guidance
+from ampi.missions.mission import Mission
+from ampi.onboard.reference import Mode
+from ampi.physics.path_constraints import path_constraints
+from ampi.simulation.closed_loop import FlightStatus
+from ampi.simulation.dispersions import Dispersions, Distribution
+from ampi.simulation.monte_carlo import BATCH, Flights, fly, load_campaigns, save_campaigns
+from ampi.simulation.statistics import judge
+
+N = 230
+
+
+@pytest.fixture(scope="module")
+def campaign(mission: Mission, guidance: Guidance) -> Flights:
+    """230 flights on one process."""
+    return fly(mission, guidance, n=N, seed=5, n_jobs=1)
+
+
+def assert_identical(one: Flights, two: Flights) -> None:
+    for field in fields(Flights):
+        a, b = getattr(one, field.name), getattr(two, field.name)
+        if isinstance(a, np.ndarray):
+            assert a.dtype == b.dtype, field.name
+            nan = np.issubdtype(a.dtype, np.floating)
+            assert np.array_equal(a, b, equal_nan=nan), field.name
+        else:
+            assert (type(a), a) == (type(b), b), field.name
+
+
+# --- laws -----------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("n_jobs", [2, 3])
+def test_the_numbers_do_not_depend_on_the_workers(
+    mission: Mission, guidance: Guidance, campaign: Flights, n_jobs: int
+) -> None:
+    assert N > 2 * BATCH
+    assert_identical(fly(mission, guidance, n=N, seed=5, n_jobs=n_jobs), campaign)
+
+
+def test_more_flights_leave_the_first_ones_as_they_are(
+    mission: Mission, guidance: Guidance, campaign: Flights
+) -> None:
+    few = fly(mission, guidance, n=30, seed=5, n_jobs=1)
+    assert np.array_equal(few.entry_states, campaign.entry_states[:30])
+    assert np.array_equal(few.status, campaign.status[:30])
+    assert few.final_states == pytest.approx(campaign.final_states[:30], rel=1e-9)
+
+
+def test_what_is_derived_follows_from_what_is_recorded(
+    mission: Mission, guidance: Guidance, campaign: Flights
+) -> None:
+    final, target = campaign.final_states, mission.target
+    radius = mission.flight_model.planet.equatorial_radius
+
+    def unit(longitude: np.ndarray, latitude: np.ndarray) -> np.ndarray:
+        return np.stack(
+            [
+                np.cos(latitude) * np.cos(longitude),
+                np.cos(latitude) * np.sin(longitude),
+                np.sin(latitude),
+            ]
+        )
+
+    here = unit(final[:, 1], final[:, 2])
+    there = unit(np.array([target.longitude]), np.array([target.latitude]))
+    chord = np.linalg.norm(here - there, axis=0)
+    assert campaign.miss == pytest.approx(2.0 * radius * np.arcsin(0.5 * chord), rel=1e-7)
+    # close to the target the frame of the ground track is a rotation of the miss
+    near = campaign.miss < 2e3
+    assert near.sum() > N // 2
+    assert np.hypot(campaign.along, campaign.across)[near] == pytest.approx(
+        campaign.miss[near], rel=2e-3
+    )
+    assert np.array_equal(campaign.altitude_error, final[:, 0] - target.altitude)
+    assert np.array_equal(campaign.speed_error, final[:, 3] - target.speed)
+    k = 7
+    state = campaign.states[:, :, k].T
+    q, heat, load = path_constraints(mission.flight_model, state, campaign.times[k])
+    limits = mission.limits
+    for i, over in enumerate(
+        (q / limits.dynamic_pressure, heat / limits.heat_flux, load / limits.load_factor)
+    ):
+        assert campaign.path[:, i, k] == pytest.approx(over, rel=1e-12)
+    assert campaign.n == N
+    assert (campaign.mode, campaign.seed, campaign.distribution) == (Mode.AMPI, 5, "normal")
+    assert campaign.mission == "shefex3"
+
+
+@pytest.mark.parametrize(("along", "across"), [(8e3, 0.0), (-8e3, 0.0), (0.0, 8e3), (3e3, -6e3)])
+def test_along_points_down_range_and_across_to_the_right(
+    mission: Mission, guidance: Guidance, along: float, across: float
+) -> None:
+    """The same flights judged against a target moved by −(along, across) in the track's frame."""
+    azimuth = float(guidance.reference(mission.entry_state).states[5, -1])
+    ahead = np.array([np.cos(azimuth), np.sin(azimuth)])  # north, east
+    right = np.array([-np.sin(azimuth), np.cos(azimuth)])
+    target, radius = mission.target, mission.flight_model.planet.equatorial_radius
+    north, east = -(along * ahead + across * right) / radius
+    moved = target.model_copy(
+        update={
+            "latitude": target.latitude + north,
+            "longitude": target.longitude + east / np.cos(target.latitude),
+        }
+    )
+    other = mission.model_copy(update={"target": moved})
+    flights = fly(other, guidance, n=5, n_jobs=1, record_every=1e3)
+    assert np.abs(flights.along - along).max() < 300.0
+    assert np.abs(flights.across - across).max() < 300.0
+
+
+def test_modes_fly_the_same_draws(mission: Mission, guidance: Guidance) -> None:
+    flown = {
+        mode: fly(mission, guidance.in_mode(mode), n=12, seed=8, n_jobs=1, record_every=60.0)
+        for mode in Mode
+    }
+    for mode, flights in flown.items():
+        assert flights.mode is mode
+        assert np.array_equal(flights.entry_states, flown[Mode.AMPI].entry_states)
+    assert len({f.miss.tobytes() for f in flown.values()}) == len(Mode)
+    assert not flown[Mode.NOMINAL].clipped.any()
+
+
+def test_progress_counts_every_flight_once(mission: Mission, guidance: Guidance) -> None:
+    seen: list[int] = []
+    fly(mission, guidance, n=N, seed=5, n_jobs=2, record_every=1e3, advance=seen.append)
+    assert seen == [BATCH, BATCH, N - 2 * BATCH]
+
+
+# --- flights that fail ----------------------------------------------------------------------------
+
+
+def test_absurd_dispersions_are_recorded_not_dropped(mission: Mission, guidance: Guidance) -> None:
+    """Every flight has a status; those that did not arrive are in no circle."""
+    absurd = Dispersions((20e3, 0.3, 0.1, 3500.0, 0.6, 1.0), Distribution.UNIFORM)
+    flights = fly(mission, guidance, absurd, n=120, seed=3, n_jobs=2)
+    assert flights.n == len(flights.status) == 120
+    assert flights.distribution == "uniform"
+    assert set(flights.status.tolist()) <= {int(s) for s in FlightStatus}
+    failed = ~flights.reached
+    assert 0 < failed.sum() < 120
+    assert np.all(flights.speed_error[flights.status == int(FlightStatus.TIME_LIMIT)] > 0.0)
+    assert flights.speed_error[flights.reached] == pytest.approx(0.0, abs=0.05)
+    verdict = judge(flights)
+    assert sum(ring.count for ring in verdict.rings) == 120
+    assert verdict.rings[-1].count >= failed.sum()
+    assert verdict.reached.count == flights.reached.sum()
+
+
+# --- files ----------------------------------------------------------------------------------------
+
+
+def test_campaigns_survive_their_file(
+    campaign: Flights, make_flights: Callable[..., Flights], tmp_path: Path
+) -> None:
+    other = make_flights(17, mode=Mode.NOMINAL)
+    path = tmp_path / "campaigns.npz"
+    save_campaigns(path, {"ampi": campaign, "nominal": other})
+    loaded = load_campaigns(path)
+    assert list(loaded) == ["ampi", "nominal"]
+    assert_identical(loaded["ampi"], campaign)
+    assert_identical(loaded["nominal"], other)
+    assert [f.name for f in tmp_path.iterdir()] == ["campaigns.npz"]
+
+
+def test_saving_again_replaces_the_file(
+    make_flights: Callable[..., Flights], tmp_path: Path
+) -> None:
+    path = tmp_path / "campaigns.npz"
+    save_campaigns(path, {"ampi": make_flights(5), "mpi": make_flights(5, mode=Mode.MPI)})
+    second = make_flights(6, seed=2)
+    save_campaigns(path, {"ampi": second})
+    loaded = load_campaigns(path)
+    assert list(loaded) == ["ampi"]
+    assert_identical(loaded["ampi"], second)
