@@ -20,8 +20,9 @@ if TYPE_CHECKING:
     from ampi.loading import load_guidance
     from ampi.missions.mission import Mission, load_mission
     from ampi.onboard.reference import Mode, Reference
+    from ampi.scp.exact_hessian import SolverSettings
     from ampi.scp.guess import ConstantBank
-    from ampi.scp.solve import SolverSettings, solve
+    from ampi.scp.solve import solve
     from ampi.simulation.dispersions import Dispersions
     from ampi.simulation.monte_carlo import Flights, fly
     from ampi.simulation.statistics import judge
@@ -35,7 +36,7 @@ _HOME = {
     "Mission": "ampi.missions.mission",
     "Mode": "ampi.onboard.reference",
     "Reference": "ampi.onboard.reference",
-    "SolverSettings": "ampi.scp.solve",
+    "SolverSettings": "ampi.scp.exact_hessian",
     "Status": "ampi.trajectory",
     "Trajectory": "ampi.trajectory",
     "fly": "ampi.simulation.monte_carlo",

@@ -14,7 +14,7 @@ import numpy as np
 
 from ampi.dataset import partial_folder
 from ampi.missions.mission import Mission
-from ampi.scp.solve import SolverSettings
+from ampi.scp.exact_hessian import SolverSettings
 from database.continuation import layers
 from database.gains import GainSettings
 from database.grid import Grid

@@ -17,7 +17,7 @@ from ampi.missions.mission import Mission
 from ampi.physics.equations_of_motion import STATES
 from ampi.physics.path_constraints import PATH_CONSTRAINTS
 from ampi.pseudospectral.mesh import Mesh
-from ampi.scp.solve import SolverSettings
+from ampi.scp.exact_hessian import SolverSettings
 from ampi.simulation.reintegration import reintegrate_many
 from database.gains import GainSettings, vertex_gains
 from database.grid import UNITS, Grid

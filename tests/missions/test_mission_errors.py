@@ -45,11 +45,33 @@ FAULTS = {
     ),
     "a unit of another dimension": (
         ("altitude_km = 100.10", "altitude_deg = 100.10"),
-        "entry: altitude: expected a length (altitude_m or altitude_km), got nothing",
+        "entry: altitude: expected a length (altitude_m or altitude_km), got altitude_deg",
     ),
     "an unknown unit": (
         ("mass_kg = 500.0", "mass_lb = 500.0"),
-        "vehicle: mass: expected a mass (mass_kg), got nothing",
+        "vehicle: mass: expected a mass (mass_kg), got mass_lb",
+    ),
+    "a unit of a field with a longer namesake": (
+        ("altitude_km = 23.50", "altitude_ft = 77000.0"),
+        "target: altitude: expected a length (altitude_m or altitude_km), got altitude_ft",
+    ),
+    "nothing but a longer namesake": (
+        ("altitude_km = 23.50", ""),
+        "target: altitude: expected a length (altitude_m or altitude_km), got nothing",
+    ),
+    "an angle in kilometres": (
+        ("longitude_deg = -11.60", "longitude_km = -11.60"),
+        "entry: longitude: expected an angle (longitude_rad or longitude_deg), got longitude_km",
+    ),
+    "an angle without a unit": (
+        ("azimuth_deg = -85.92", "azimuth = -85.92"),
+        "entry: azimuth: expected an angle with its unit in the key (azimuth_rad or azimuth_deg), "
+        "got azimuth = -85.92",
+    ),
+    "a missing angular rate": (
+        ("bank_rate_deg_per_s = 5.0", ""),
+        "limits: bank_rate: expected an angular rate (bank_rate_rad_per_s or "
+        "bank_rate_deg_per_s), got nothing",
     ),
     "a double unit": (
         ("altitude_km = 100.10", "altitude_km = 100.10\naltitude_m = 100100.0"),
@@ -79,15 +101,21 @@ FAULTS = {
     ),
     "a negative mass": (
         ("mass_kg = 500.0", "mass_kg = -500.0"),
-        "vehicle.mass: Input should be greater than 0 (got -500.0)",
+        "vehicle.mass: Input should be greater than 0 (got -500.0 in SI units)",
     ),
     "a negative weight": (
         ("altitude_weight_per_m2 = 1e-4", "altitude_weight_per_m2 = -1.0"),
-        "objective.altitude_weight: Input should be greater than or equal to 0 (got -1.0)",
+        "objective.altitude_weight: Input should be greater than or equal to 0 "
+        "(got -1.0 in SI units)",
     ),
     "an entry above the atmosphere": (
         ("altitude_km = 100.10", "altitude_km = 130.0"),
-        "entry.altitude: Input should be less than or equal to 120000 (got 130000.0)",
+        "entry.altitude: Input should be less than or equal to 120000 (got 130000.0 in SI units)",
+    ),
+    "an entry at the pole": (
+        ("latitude_deg = 71.89", "latitude_deg = 180.0"),
+        "entry.latitude: Input should be less than 1.5707963267948966 "
+        "(got 3.141592653589793 in SI units)",
     ),
     "no text where text belongs": (
         ('title = "SHEFEX-3 (surrogate vehicle)"', "title = 3"),
@@ -95,8 +123,51 @@ FAULTS = {
     ),
     "text where a number belongs": (
         ("bank_rate_effort = 1e-5", 'bank_rate_effort = "small"'),
-        "objective.bank_rate_effort: Input should be a valid number, unable to parse string as a "
-        "number (got 'small')",
+        "objective.bank_rate_effort: Input should be a valid number (got 'small')",
+    ),
+    "a quoted number": (
+        ("bank_rate_effort = 1e-5", 'bank_rate_effort = "1e-5"'),
+        "objective.bank_rate_effort: Input should be a valid number (got '1e-5')",
+    ),
+    "a boolean number": (
+        ("bank_rate_effort = 1e-5", "bank_rate_effort = true"),
+        "objective.bank_rate_effort: Input should be a valid number (got True)",
+    ),
+    "a quoted quantity": (
+        ("altitude_km = 100.10", 'altitude_km = "100.10"'),
+        "entry: altitude_km: expected a number, got '100.10'",
+    ),
+    "a boolean quantity": (
+        ("mass_kg = 500.0", "mass_kg = true"),
+        "vehicle: mass_kg: expected a number, got True",
+    ),
+    "a quoted end of a phase": (
+        ("end_s = 58.0", 'end_s = "58.0"'),
+        "mesh.phase.0: end_s: expected a number, got '58.0'",
+    ),
+    "a quoted offset": (
+        ("altitude_m = [-250.0, 0.0, 250.0]", 'altitude_m = [-250.0, "0.0", 250.0]'),
+        "grid: altitude_m: expected a number, got '0.0'",
+    ),
+    "a boolean offset": (
+        ("altitude_m = [-250.0, 0.0, 250.0]", "altitude_m = [-250.0, false, 250.0]"),
+        "grid: altitude_m: expected a number, got False",
+    ),
+    "a list where a quantity belongs": (
+        ("altitude_km = 100.10", "altitude_km = [100.10]"),
+        "entry.altitude: Input should be a valid number",
+    ),
+    "a quoted number in a table": (
+        (AERODYNAMICS, TABLE.replace("[1.0, 1.0]", '[1.0, "1.0"]')),
+        "vehicle.aerodynamics.table.lift.1.1: Input should be a valid number (got '1.0')",
+    ),
+    "a quoted Mach number": (
+        (AERODYNAMICS, TABLE.replace("[5.0, 8.0]", '["5.0", 8.0]')),
+        "vehicle.aerodynamics.table.mach.0: Input should be a valid number (got '5.0')",
+    ),
+    "a quoted fraction": (
+        ("degrees = [5, 8]", 'degrees = [5, 8]\nfractions = [0.0, "0.5", 1.0]'),
+        "mesh.phase.0.fractions.1: Input should be a valid number (got '0.5')",
     ),
     "a name with a space": (
         ('name = "shefex3"', 'name = "Shefex 3"'),
@@ -142,7 +213,32 @@ FAULTS = {
     ),
     "a table that is too small": (
         (AERODYNAMICS, TABLE.replace("[[0.4, 0.4], [1.0, 1.0]]", "[[0.4, 0.4]]")),
-        "aerodynamics.lift: expected a table of shape (2, 2) (angle_of_attack × mach), got (1, 2)",
+        "aerodynamics.lift: expected 2 rows (angle_of_attack) of 2 numbers (mach), got rows of [2]",
+    ),
+    "a ragged table": (
+        (AERODYNAMICS, TABLE.replace("[[0.1, 0.1], [0.4, 0.4]]", "[[0.1, 0.1], [0.4]]")),
+        "aerodynamics.drag: expected 2 rows (angle_of_attack) of 2 numbers (mach), "
+        "got rows of [2, 1]",
+    ),
+    "a table over falling Mach numbers": (
+        (AERODYNAMICS, TABLE.replace("[5.0, 8.0]", "[8.0, 5.0]")),
+        "aerodynamics.mach: expected at least two strictly increasing values, got [8.0, 5.0]",
+    ),
+    "a table at one angle": (
+        (AERODYNAMICS, TABLE.replace("[10.0, 20.0]", "[0.0]")),
+        "aerodynamics.angle_of_attack: expected at least two strictly increasing values, got [0.0]",
+    ),
+    "an Earth of another size": (
+        ('model = "wgs84"', 'model = "wgs84"\nradius_km = 6371.0'),
+        "planet: wgs84 is complete in itself; remove radius",
+    ),
+    "an Earth that stands still": (
+        ('model = "wgs84"', 'model = "wgs84"\nrotation_rate = 0.0\nload_factor_gravity = 9.8'),
+        "planet: wgs84 is complete in itself; remove load_factor_gravity, rotation_rate",
+    ),
+    "a standard atmosphere of another height": (
+        ('model = "us76"', 'model = "us76"\nscale_height_m = 7000.0\nsurface_density = 1.2'),
+        "atmosphere: us76 is complete in itself; remove scale_height, surface_density",
     ),
     "an unknown planet": (
         ('model = "wgs84"', 'model = "mars"'),
@@ -162,7 +258,27 @@ FAULTS = {
     ),
     "a phase without segments": (
         ("end_s = 58.0\ndegrees = [", "end_s = 58.0\nfractions = [0.0]\ndegrees = []\n# ["),
-        "mesh.phase.degrees: expected at least one segment, got none",
+        "mesh.phase.degrees: expected at least one segment of degree 1 or more, got []",
+    ),
+    "a segment of degree zero": (
+        ("degrees = [5, 8]", "degrees = [5, 0]"),
+        "mesh.phase.degrees: expected at least one segment of degree 1 or more, got [5, 0]",
+    ),
+    "a segment of negative degree": (
+        ("degrees = [5, 8]", "degrees = [-5, 8]"),
+        "mesh.phase.degrees: expected at least one segment of degree 1 or more, got [-5, 8]",
+    ),
+    "fractions that start late": (
+        ("degrees = [5, 8]", "degrees = [5, 8]\nfractions = [0.1, 0.5, 1.0]"),
+        "mesh.phase.fractions: expected 3 increasing numbers from 0 to 1, got (0.1, 0.5, 1.0)",
+    ),
+    "fractions that end early": (
+        ("degrees = [5, 8]", "degrees = [5, 8]\nfractions = [0.0, 0.5, 0.9]"),
+        "mesh.phase.fractions: expected 3 increasing numbers from 0 to 1, got (0.0, 0.5, 0.9)",
+    ),
+    "too few fractions": (
+        ("degrees = [5, 8]", "degrees = [5, 8]\nfractions = [0.0, 1.0]"),
+        "mesh.phase.fractions: expected 3 increasing numbers from 0 to 1, got (0.0, 1.0)",
     ),
     "phases out of order": (
         ("end_s = 58.0", "end_s = 98.0"),
@@ -218,6 +334,15 @@ def test_invalid_toml_names_file_and_line(tmp_path: Path) -> None:
     assert "line 2" in str(caught.value)
 
 
+def test_a_file_that_is_not_utf_8_is_named(tmp_path: Path) -> None:
+    path = tmp_path / "latin.toml"
+    path.write_bytes('title = "Raumfähre"\n'.encode("latin-1"))
+    message = f"{path}: not a text file in UTF-8"
+    with pytest.raises(MissionError, match=f"^{re.escape(message)}$") as caught:
+        load_mission(path)
+    assert caught.value.__suppress_context__
+
+
 def test_a_file_s_faults_open_with_its_path(tmp_path: Path) -> None:
     path = tmp_path / "light.toml"
     path.write_text(altered(("mass_kg = 500.0", "mass_kg = 0.0")), encoding="utf-8")
@@ -243,3 +368,20 @@ def test_the_alterations_are_what_is_refused() -> None:
     mission = parse_mission(altered((AERODYNAMICS, TABLE)))
     lift, drag = mission.flight_model.vehicle.aerodynamics.coefficients(np.radians(20.0), 5.0)
     assert (lift, drag) == pytest.approx((1.0, 0.4))
+    cuts = altered(("degrees = [5, 8]", "degrees = [5, 8]\nfractions = [0.0, 0.3, 1.0]"))
+    assert parse_mission(cuts).mesh.phase[0].fractions == (0.0, 0.3, 1.0)
+
+
+def test_whole_numbers_are_numbers() -> None:
+    mission = parse_mission(altered(("mass_kg = 500.0", "mass_kg = 500"), ("= 1e-5", "= 1")))
+    assert mission.vehicle.mass == 500.0
+    assert mission.objective.bank_rate_effort == 1.0
+
+
+@pytest.mark.parametrize(("rate", "expected"), [("", 0.0), ("rotation_rate = 7e-5", 7e-5)])
+def test_a_sphere_takes_the_keys_that_wgs84_refuses(rate: str, expected: float) -> None:
+    sphere = f'model = "sphere"\nradius_km = 6371.0\nsurface_gravity = 9.8\n{rate}'
+    planet = parse_mission(altered(('model = "wgs84"', sphere))).flight_model.planet
+    assert planet.equatorial_radius == 6371e3
+    assert planet.rotation_rate == expected
+    assert planet.load_factor_gravity == 9.8

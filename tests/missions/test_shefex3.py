@@ -70,8 +70,29 @@ def test_another_entry_state_changes_nothing_else(mission: Mission) -> None:
     assert moved.entry_state == pytest.approx(corner, rel=1e-15)
     assert moved != mission
     assert moved.target == mission.target
-    assert moved.flight_model == mission.flight_model
+    assert moved.flight_model is mission.flight_model  # not built again
+    assert moved.pseudospectral_mesh is mission.pseudospectral_mesh
     assert mission.entry_state[0] == 100.1e3
+
+
+@pytest.mark.parametrize("deep", [False, True])
+def test_a_copy_derives_its_model_and_mesh_anew(mission: Mission, deep: bool) -> None:
+    model, mesh = mission.flight_model, mission.pseudospectral_mesh  # cached from here on
+    heavy = mission.vehicle.model_copy(update={"mass": 600.0})
+    coarse = mission.mesh.model_copy(
+        update={"phase": (mission.mesh.phase[-1].model_copy(update={"degrees": (7,)}),)}
+    )
+    copied = mission.model_copy(update={"vehicle": heavy, "mesh": coarse}, deep=deep)
+    assert copied.flight_model.vehicle.mass == 600.0
+    assert copied.pseudospectral_mesh.n_nodes == 8
+    assert mission.flight_model is model
+    assert mission.pseudospectral_mesh is mesh
+    assert model.vehicle.mass == 500.0
+    assert mission.model_copy(deep=deep) == mission
+    # from another entry state as well: the copy's own model goes along
+    moved = copied.with_entry(copied.entry_state + 1e-3)
+    assert moved.flight_model.vehicle.mass == 600.0
+    assert moved.model_copy(update={"vehicle": mission.vehicle}).flight_model == model
 
 
 def test_a_mission_is_frozen(mission: Mission) -> None:

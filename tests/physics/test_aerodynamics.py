@@ -35,10 +35,10 @@ def padded(axis: tuple[float, ...]) -> Array:
 def scipy_spline(
     table: TabulatedAerodynamics, name: str, alpha: Array, mach: Array, order: tuple[int, int]
 ) -> Array:
-    """Derivative of the tensor-product natural spline through the held table, by scipy."""
+    """Derivative of the tensor-product clamped spline through the held table, by scipy."""
     values = np.pad(np.array(getattr(table, name)), 2, mode="edge")
-    along_mach = CubicSpline(padded(table.mach), values, axis=1, bc_type="natural")(mach, order[1])
-    spline = CubicSpline(padded(table.angle_of_attack), along_mach, bc_type="natural")
+    along_mach = CubicSpline(padded(table.mach), values, axis=1, bc_type="clamped")(mach, order[1])
+    spline = CubicSpline(padded(table.angle_of_attack), along_mach, bc_type="clamped")
     return np.asarray(spline(alpha, order[0]))
 
 
@@ -55,13 +55,38 @@ def complex_step(
 
 @laws
 @given(alpha=inside_alpha, mach=inside_mach)
-def test_table_is_the_natural_spline_of_scipy(
+def test_table_is_the_clamped_spline_of_scipy(
     cavh_table: TabulatedAerodynamics, alpha: float, mach: float
 ) -> None:
     got = cavh_table.coefficients(np.radians(alpha), mach)
     for value, name in zip(got, COMPONENTS, strict=True):
         at = np.array([np.radians(alpha)]), np.array([mach])
         assert value == pytest.approx(scipy_spline(cavh_table, name, *at, (0, 0))[0, 0], abs=1e-10)
+
+
+@laws
+@given(alpha=st.floats(0.0, 14.0), mach=st.floats(4.0, 12.0), seed=st.integers(0, 2**32 - 1))
+@pytest.mark.parametrize("shape", [(2, 2), (2, 3), (3, 2), (4, 5)])
+def test_tables_of_any_size_are_splines_of_scipy(
+    shape: tuple[int, int], alpha: float, mach: float, seed: int
+) -> None:
+    # Uneven axes; held out to 2 … 12 degrees or beyond, and to Mach 4.5 … 9.5 or beyond.
+    rng = np.random.default_rng(seed)
+    degrees = np.array([4.0, 10.0, 10.7, 12.0])[: shape[0]]
+    random = TabulatedAerodynamics(
+        angle_of_attack=tuple(np.radians(degrees).tolist()),
+        mach=(5.0, 5.5, 8.0, 8.2, 9.0)[: shape[1]],
+        lift=tuple(map(tuple, rng.uniform(0.0, 1.0, shape).tolist())),
+        drag=tuple(map(tuple, rng.uniform(0.0, 1.0, shape).tolist())),
+    )
+    angles, machs = padded(random.angle_of_attack), padded(random.mach)
+    got = random.coefficients(np.radians(alpha), mach)
+    for value, name in zip(got, COMPONENTS, strict=True):
+        held = (
+            np.clip([np.radians(alpha)], angles[0], angles[-1]),
+            np.clip([mach], machs[0], machs[-1]),
+        )
+        assert value == pytest.approx(scipy_spline(random, name, *held, (0, 0))[0, 0], abs=1e-9)
 
 
 def test_first_derivatives_of_the_table(cavh_table: TabulatedAerodynamics) -> None:
@@ -93,6 +118,41 @@ def test_second_derivative_is_continuous_at_every_knot(
         curvature = np.abs(right).max()
     assert gaps[0] < 0.05 * curvature
     assert gaps[1] == pytest.approx(0.1 * gaps[0], rel=0.02)
+
+
+@pytest.mark.parametrize("axis", [0, 1])
+@pytest.mark.parametrize("end", [0, -1])
+def test_first_derivative_is_continuous_across_the_clamp(
+    cavh_table: TabulatedAerodynamics, axis: int, end: int
+) -> None:
+    # Beyond the clamp the slope is zero; before it, it closes up in proportion to the distance.
+    knots = padded(cavh_table.angle_of_attack if axis == 0 else cavh_table.mach)
+    outward = -1.0 if end == 0 else 1.0
+    width = abs(knots[end] - knots[1 if end == 0 else -2])
+    across = np.array([4.1, 9.0, 17.3]) if axis == 0 else np.radians([11.0, 14.2, 19.5])
+
+    def slope(at: Array) -> Array:
+        grid = (at[:, None], across[None, :]) if axis == 0 else (across[None, :], at[:, None])
+        return np.stack(complex_step(cavh_table, *grid, axis))  # (2, at, across)
+
+    distance = width * np.array([1e-3, 1e-2, 1e-1, 1.0])
+    assert np.all(slope(knots[end] + outward * distance) == 0.0)
+    inside = np.abs(slope(knots[end] - outward * distance)).max(axis=(0, 2))
+    steepest = np.abs(slope(np.linspace(knots[0], knots[-1], 201))).max()
+    assert inside[0] < 1e-3 * steepest
+    assert inside[0] == pytest.approx(0.1 * inside[1], rel=0.02)
+
+    # The same without complex steps: one-sided differences over the clamp vanish linearly.
+    def value(at: float) -> Array:
+        pair = cavh_table.coefficients(*((at, across) if axis == 0 else (across, at)))
+        return np.array(pair)
+
+    secants = [
+        np.abs(value(knots[end] - outward * step) - value(knots[end])).max() / step
+        for step in distance[:2]
+    ]
+    assert np.array_equal(value(knots[end] + outward * width), value(knots[end]))
+    assert secants[0] == pytest.approx(0.1 * secants[1], rel=0.02)
 
 
 def test_table_at_its_grid_points(cavh_table: TabulatedAerodynamics) -> None:
@@ -154,13 +214,29 @@ def test_a_table_of_the_wrong_shape_is_refused(
     cavh_table: TabulatedAerodynamics, name: str
 ) -> None:
     tables = {n: getattr(cavh_table, n) for n in ("angle_of_attack", "mach", *COMPONENTS)}
-    tables[name] = tables[name][:2]
+    expected = f"aerodynamics.{name}: expected 3 rows (angle_of_attack) of 7 numbers (mach), "
+    first, second, third = tables[name]
+    for faulty, rows in (
+        ((first, second), "[7, 7]"),
+        ((first, second, third, third), "[7, 7, 7, 7]"),
+        ((first, second[:6], third), "[7, 6, 7]"),  # ragged
+        ((first[1:], second[1:], third[1:]), "[6, 6, 6]"),
+        ((), "[]"),
+    ):
+        with pytest.raises(ValueError, match=re.escape(f"{expected}got rows of {rows}")):
+            TabulatedAerodynamics(**{**tables, name: faulty})
+
+
+@pytest.mark.parametrize("name", ["angle_of_attack", "mach"])
+@pytest.mark.parametrize("axis", [(), (0.2,), (0.2, 0.2), (0.3, 0.2), (0.1, 0.3, 0.2)])
+def test_an_axis_that_does_not_increase_is_refused(name: str, axis: tuple[float, ...]) -> None:
+    axes = {"angle_of_attack": (0.1, 0.2), "mach": (5.0, 8.0), name: axis}
+    rows = tuple((0.4,) * len(axes["mach"]) for _ in axes["angle_of_attack"])
     message = (
-        f"aerodynamics.{name}: expected a table of shape (3, 7) (angle_of_attack × mach), "
-        "got (2, 7)"
+        f"aerodynamics.{name}: expected at least two strictly increasing values, got {list(axis)}"
     )
     with pytest.raises(ValueError, match=re.escape(message)):
-        TabulatedAerodynamics(**tables)
+        TabulatedAerodynamics(**axes, lift=rows, drag=rows)
 
 
 @laws

@@ -141,11 +141,60 @@ def test_equal_meshes_are_equal_values() -> None:
 @pytest.mark.parametrize(
     ("degrees", "fractions", "message"),
     [
-        ((), None, "mesh.phase.degrees: expected at least one segment, got none"),
+        (
+            (),
+            None,
+            "mesh.phase.degrees: expected at least one segment of degree 1 or more, got []",
+        ),
+        (
+            (0,),
+            None,
+            "mesh.phase.degrees: expected at least one segment of degree 1 or more, got [0]",
+        ),
+        (
+            (3, 0, 4),
+            None,
+            "mesh.phase.degrees: expected at least one segment of degree 1 or more, got [3, 0, 4]",
+        ),
+        (
+            (3, -1),
+            None,
+            "mesh.phase.degrees: expected at least one segment of degree 1 or more, got [3, -1]",
+        ),
         (
             (3, 4),
             (0.0, 1.0),
             "mesh.phase.fractions: expected 3 increasing numbers from 0 to 1, got (0.0, 1.0)",
+        ),
+        (
+            (3, 4),
+            (0.1, 0.5, 1.0),
+            "mesh.phase.fractions: expected 3 increasing numbers from 0 to 1, got (0.1, 0.5, 1.0)",
+        ),
+        (
+            (3, 4),
+            (0.0, 0.5, 0.9),
+            "mesh.phase.fractions: expected 3 increasing numbers from 0 to 1, got (0.0, 0.5, 0.9)",
+        ),
+        (
+            (3, 4),
+            (0.0, 0.5, 1.1),
+            "mesh.phase.fractions: expected 3 increasing numbers from 0 to 1, got (0.0, 0.5, 1.1)",
+        ),
+        (
+            (3, 4),
+            (-0.1, 0.5, 1.0),
+            "mesh.phase.fractions: expected 3 increasing numbers from 0 to 1, got (-0.1, 0.5, 1.0)",
+        ),
+        (
+            (3, 4),
+            (1.0, 0.5, 0.0),
+            "mesh.phase.fractions: expected 3 increasing numbers from 0 to 1, got (1.0, 0.5, 0.0)",
+        ),
+        (
+            (3, 4),
+            (0.0, 0.0, 1.0),
+            "mesh.phase.fractions: expected 3 increasing numbers from 0 to 1, got (0.0, 0.0, 1.0)",
         ),
         (
             (3, 4),

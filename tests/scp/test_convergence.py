@@ -49,7 +49,7 @@ def test_the_target_is_met_within_its_tolerances(
     problem: OptimalControlProblem, offset: dict[str, float], status: Status
 ) -> None:
     final = final_state(problem, **offset)
-    assert verdict(ConvergenceSettings(), problem, final, NONE) is status
+    assert verdict(ConvergenceSettings(), problem, final, NONE, bought_off=False) is status
 
 
 @pytest.mark.parametrize("kind", [0, 1, 2])
@@ -57,8 +57,32 @@ def test_an_exceeded_limit_speaks_first(problem: OptimalControlProblem, kind: in
     excess = np.zeros(3)
     excess[kind] = 1.1e-4
     far = final_state(problem, up=1e4)
-    assert verdict(ConvergenceSettings(), problem, far, excess) is Status.LIMITS_EXCEEDED
-    assert verdict(ConvergenceSettings(), problem, far, 0.9 * 0.9 * excess) is Status.TARGET_MISSED
+    cases = ((excess, Status.LIMITS_EXCEEDED), (0.9 * 0.9 * excess, Status.TARGET_MISSED))
+    for over, status in cases:
+        for bought_off in (False, True):
+            got = verdict(ConvergenceSettings(), problem, far, over, bought_off=bought_off)
+            assert got is status
+
+
+@pytest.mark.parametrize("kind", [0, 1, 2])
+def test_a_target_that_is_bought_off_is_missed(problem: OptimalControlProblem, kind: int) -> None:
+    # On the very target: bought off it counts as missed, unless a limit is exceeded.
+    settings, final = ConvergenceSettings(), final_state(problem)
+    excess = np.zeros(3)
+    excess[kind] = 1.1e-4
+    assert verdict(settings, problem, final, NONE, bought_off=False) is Status.SOLVED
+    assert verdict(settings, problem, final, NONE, bought_off=True) is Status.TARGET_MISSED
+    for bought_off in (False, True):
+        got = verdict(settings, problem, final, excess, bought_off=bought_off)
+        assert got is Status.LIMITS_EXCEEDED
+
+
+def test_bought_off_must_be_said_by_its_name(problem: OptimalControlProblem) -> None:
+    arguments = (ConvergenceSettings(), problem, final_state(problem), NONE)
+    with pytest.raises(TypeError):
+        verdict(*arguments)  # type: ignore[call-arg]
+    with pytest.raises(TypeError):
+        verdict(*arguments, False)  # type: ignore[misc]
 
 
 @settings(deadline=None, max_examples=50)

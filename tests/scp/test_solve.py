@@ -14,13 +14,14 @@ from ampi.physics.equations_of_motion import equations_of_motion
 from ampi.physics.path_constraints import path_constraints
 from ampi.physics.planet import great_circle_distance
 from ampi.pseudospectral.lagrange import interpolation_matrix
-from ampi.scp import solve as solver
+from ampi.scp import exact_hessian as solver
 from ampi.scp.elastic_target import ElasticSettings
+from ampi.scp.exact_hessian import ExactHessianIteration, SolverSettings
 from ampi.scp.guess import ConstantBank, from_trajectory
 from ampi.scp.iterate import Point
 from ampi.scp.penalty import PenaltySettings
 from ampi.scp.problem import OptimalControlProblem
-from ampi.scp.solve import SolverSettings, _Solve, solve
+from ampi.scp.solve import solve
 from ampi.scp.subproblem import ConvexSubproblem, Step, solve_subproblem
 from ampi.scp.trust_region import TrustRegionSettings
 from ampi.trajectory import Status, Trajectory
@@ -306,7 +307,7 @@ def test_prices_grow_only_where_something_is_open(
     problem: OptimalControlProblem, optimum: Point
 ) -> None:
     settings = SolverSettings(elastic=ElasticSettings(growth=3.0))
-    run = _Solve(problem, settings)
+    run = ExactHessianIteration(problem, settings)
     run.price, run.penalty = np.array([1.0, 2.0, 3.0, 4.0]), 5.0
     assert not run.grow_penalties(optimum)  # nothing is open
     run.multipliers = replace(run.multipliers, target=np.array([0.5, -2.0, 0.0, 4.0]))
@@ -324,7 +325,7 @@ def test_price_and_penalty_grow_on_their_own_counts(
         elastic=ElasticSettings(growth=3.0, growths=1),
         penalty=PenaltySettings(growth=10.0, growths=4),
     )
-    run = _Solve(problem, settings)
+    run = ExactHessianIteration(problem, settings)
     run.price, run.penalty = np.ones(4), 5.0
     run.multipliers = replace(run.multipliers, target=np.array([0.0, 1.0, 0.0, 0.0]))
     assert run.grow_penalties(optimum)
@@ -342,7 +343,7 @@ def test_a_neighbour_brings_its_multipliers(
     mission: Mission, problem: OptimalControlProblem, nominal: Trajectory, optimum: Point
 ) -> None:
     # λ = 2 w e of its terminal errors, in the solver's units: the first model is already Newton's.
-    run = _Solve(problem, SolverSettings())
+    run = ExactHessianIteration(problem, SolverSettings())
     run.first_model(optimum, from_trajectory(nominal, mission))
     known = 2.0 * terminal_weights(mission) * terminal_error(mission, nominal)
     scale = np.array(problem.scaling.states)[:4] / problem.cost_scale

@@ -74,5 +74,5 @@ def test_collapse() -> None:
     while not region.collapsed:
         region.update(-1.0, region.radius)
         count += 1
-    assert region.radius < 1e-7
-    assert count == 16  # 0.35^16 = 5.1e-8
+    assert region.radius < 1e-6
+    assert count == 14  # 0.35^14 = 4.1e-7
