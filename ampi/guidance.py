@@ -19,13 +19,15 @@ from ampi.tracking.linear_quadratic import bank_rate_command
 
 Array = NDArray[np.float64]
 
+SANE = 1e12  # no state in SI units is larger; false for what is no number
+
 
 class Health(IntEnum):
     """What the vehicle management should know."""
 
     GOOD = 0
     BOUNDARY_REFERENCE = 1  # the entry state lies outside the hypercube
-    BAD_NAVIGATION = 2  # a state is not finite: the reference's own bank rate is commanded
+    BAD_NAVIGATION = 2  # an input is no number: the reference's own bank rate is commanded
     AFTER_FINAL_TIME = 3  # the reference has ended: the bank angle is held
 
 
@@ -83,19 +85,25 @@ class Guidance:
         bank_rate
             Present bank rate (rad/s).
         """
-        k, w = locate(reference.times, time)
         health = Health.GOOD if reference.inside else Health.BOUNDARY_REFERENCE
+        sane = bool(abs(time) < SANE and abs(bank_rate) < SANE and np.all(np.abs(state) < SANE))
+        ended = bool(time >= reference.final_time)  # false for a time that is no number
+        if not sane:
+            health = Health.BAD_NAVIGATION
+            time = time if abs(time) < SANE else reference.final_time
+            bank_rate = bank_rate if abs(bank_rate) < SANE else 0.0
+        k, w = locate(reference.times, time)
+        at = (1.0 - w) * reference.states[:, k] + w * reference.states[:, k + 1]
         wanted = (1.0 - w) * reference.bank_rate[k] + w * reference.bank_rate[k + 1]
+        bank = float(state[6]) if abs(state[6]) < SANE else float(at[6])
         if time >= reference.final_time:
-            wanted, health = 0.0, Health.AFTER_FINAL_TIME
-        elif np.all(np.isfinite(state)):
-            at = (1.0 - w) * reference.states[:, k] + w * reference.states[:, k + 1]
+            wanted, health = 0.0, Health.AFTER_FINAL_TIME if ended else health
+        elif sane:
             gain = (1.0 - w) * reference.gains[:, k] + w * reference.gains[:, k + 1]
             wanted = float(bank_rate_command(state, at, wanted, gain))
-        else:
-            health = Health.BAD_NAVIGATION
-        rate = float(limited_rate(self.limits, state[6], bank_rate, wanted, self.cycle))
-        return BankCommand(rate, float(state[6]) + 0.5 * (bank_rate + rate) * self.cycle, health)
+        rate = float(limited_rate(self.limits, bank, bank_rate, wanted, self.cycle))
+        rate = min(max(rate, -self.limits.rate), self.limits.rate)
+        return BankCommand(rate, bank + 0.5 * (bank_rate + rate) * self.cycle, health)
 
 
 def _restored(table: GuidanceTable, limits: BankLimits, mode: Mode, cycle: float) -> Guidance:

@@ -3,7 +3,7 @@
 The tracker steers the bank rate, δu = −K(t) δx with δx the seven-state error at equal time, and K
 minimises along the optimum
 
-    ½ δx_fᵀ S_f δx_f + ½ ∫ (δu/u_r)² + (δσ/σ_r)² dt,                             (1)
+    ½ δx_fᵀ S_f δx_f + ½ (1/t_f) ∫ (δu/u_r)² + (δσ/σ_r)² dt,                     (1)
     −Ṡ = AᵀS + SA + Q − S B R⁻¹ Bᵀ S,   S(t_f) = S_f,   K = R⁻¹ Bᵀ S.             (2)
 
 Guided flight ends where the speed reaches its target, not at a time. A flight with errors δx at t_f

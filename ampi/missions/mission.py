@@ -219,7 +219,7 @@ class PhaseSection(Section):
     """One phase of the mesh; the last has no end."""
 
     end: u.Time | None = None
-    degrees: tuple[int, ...]
+    degrees: tuple[Annotated[int, Field(strict=True)], ...]
     fractions: tuple[Number, ...] | None = None
 
 

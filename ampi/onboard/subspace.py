@@ -5,7 +5,8 @@ outermost cell, with the parameter moved to the boundary: the boundary trajector
 extrapolation (Section V.A). The algorithm's signs and differences amount to a count of the axis points
 at or below the parameter.
 
-For a spline of order 3 (Eq. (16) with k = 3) the subspace is the three points nearest to it.
+For a spline of order 3 (Eq. (16) with k = 3) the subspace is the cell and the nearer of its
+neighbours.
 """
 
 from __future__ import annotations
@@ -41,7 +42,8 @@ def select_subspace(axis: Array, parameter: float, order: int, weights: Array) -
         if axis[j] <= inside:
             below = j
     first = min(below, n - k)
-    if k == 3 and first > 0 and inside - axis[first] < axis[first + 1] - inside:
+    # the cell's two points and the nearer of their outer neighbours: never an extrapolation
+    if k == 3 and 0 < first == below and inside - axis[first - 1] < axis[first + 2] - inside:
         first -= 1
     for i in range(len(weights)):
         weights[i] = 0.0

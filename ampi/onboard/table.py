@@ -37,22 +37,29 @@ class GuidanceTable:
         expected = {
             "values": (self.values.shape, (*shape, N_ROWS, n)),
             "final_time": (self.final_time.shape, shape),
-            "high_density_time": (self.high_density_time[0].shape, (m,)),
+            "high_density_time": (
+                tuple(part.shape for part in self.high_density_time),
+                ((m,), (m,)),
+            ),
         }
         for name, (got, wanted) in expected.items():
             if got != wanted:
                 raise ValueError(f"guidance table: {name} has shape {got}, expected {wanted}")
-        if not (np.all(np.isfinite(self.values)) and np.all(np.isfinite(self.final_time))):
-            bad = int(np.count_nonzero(~np.isfinite(self.final_time)))
+        missing = ~np.isfinite(self.final_time)
+        missing |= ~np.all(np.isfinite(self.values), axis=(-2, -1))
+        if np.any(missing):
             raise ValueError(
-                f"guidance table: {bad} of {self.final_time.size} cases have no solution; a table "
-                "with holes cannot fly. Re-run the build, or shrink the grid"
+                f"guidance table: {np.count_nonzero(missing)} of {missing.size} cases have no "
+                "solution; a table with holes cannot fly. Re-run the build, or shrink the grid"
             )
+        shared = (*self.axes, self.conversion, *self.high_density_time)
+        if not all(np.all(np.isfinite(array)) for array in shared):
+            raise ValueError("guidance table: axes, LD→HD matrix and times must be finite")
         if any(np.any(np.diff(axis) <= 0) for axis in self.axes):
             raise ValueError("guidance table: every axis must increase strictly")
         if np.abs(self.conversion.sum(axis=0) - 1.0).max() > 1e-9:
             raise ValueError("guidance table: the columns of the LD→HD matrix must sum to one")
-        for array in (*self.axes, self.values, self.final_time, self.conversion):
+        for array in (*shared, self.values, self.final_time):
             array.setflags(write=False)
 
     def corners(self) -> GuidanceTable:

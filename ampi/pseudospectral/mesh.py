@@ -59,8 +59,8 @@ class Phase:
                 f"got {list(self.degrees)}"
             )
         cuts = self.cuts
-        spans = cuts[0] == 0.0 and cuts[-1] == 1.0
-        if len(cuts) != len(self.degrees) + 1 or not spans or np.any(np.diff(cuts) <= 0):
+        fits = len(cuts) == len(self.degrees) + 1 and cuts[0] == 0.0 and cuts[-1] == 1.0
+        if not fits or not np.all(np.diff(cuts) > 0):
             raise ValueError(
                 f"mesh.phase.fractions: expected {len(self.degrees) + 1} increasing numbers "
                 f"from 0 to 1, got {self.fractions}"

@@ -23,6 +23,8 @@ from ampi.tracking.linear_quadratic import bank_rate_command
 
 Array = NDArray[np.float64]
 
+SPEED_TOLERANCE = 1e-5  # m/s, of the instant at which a flight ends
+SEARCH = 150  # steps to find it at the most: secants within a bracket, and bisections
 LONGEST = (
     2.0  # times the reference's final time: a flight that takes longer is a record, not a hang
 )
@@ -35,6 +37,7 @@ class FlightStatus(IntEnum):
     GROUND = 1
     TIME_LIMIT = 2
     NOT_FINITE = 3
+    STARTED_SLOW = 4  # the entry speed is not above the target speed
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,6 +81,13 @@ def fly_batch(
     mission: Mission, guidance: Guidance, entry_states: Array, record_every: float = 5.0
 ) -> FlightBatch:
     """Fly the entries `entry_states` (n, 6) in closed loop."""
+    with np.errstate(all="ignore"):  # an absurd entry is a record with a status, not a warning
+        return _fly(mission, guidance, entry_states, record_every)
+
+
+def _fly(
+    mission: Mission, guidance: Guidance, entry_states: Array, record_every: float
+) -> FlightBatch:
     n, cycle, model = len(entry_states), guidance.cycle, mission.flight_model
     references = _StackedReferences.of(guidance, entry_states)
     flight = np.arange(n)
@@ -85,14 +95,20 @@ def fly_batch(
     rate, pointer = references.rows[:, 7, 0].copy(), np.zeros(n, dtype=np.intp)
     final, final_time = np.full((n, 7), np.nan), np.full(n, np.nan)
     status = np.full(n, int(FlightStatus.TIME_LIMIT))
-    flying, peak = np.ones(n, dtype=bool), np.zeros((3, n))
+    peak = np.zeros((3, n))
+    finite = np.all(np.isfinite(entry_states), axis=1)
+    flying = finite & (entry_states[:, 3] > mission.target.speed)
+    slow = finite & ~flying
+    final[slow], final_time[slow] = x[:, slow].T, 0.0
+    status[slow] = int(FlightStatus.STARTED_SLOW)
+    status[~finite], peak[:, ~finite] = int(FlightStatus.NOT_FINITE), np.nan
     steps = int(np.ceil(LONGEST * references.final_time.max() / cycle))
     stride = max(1, round(record_every / cycle))
     record: list[tuple[float, Array, Array, Array]] = []
     for step in range(steps):
         time = step * cycle
         loads = np.stack(path_constraints(model, x, time))
-        peak = np.where(flying, np.fmax(peak, loads), peak)
+        peak = np.where(flying, np.maximum(peak, loads), peak)
         at, wanted, gain = _look_up(references, flight, pointer, time)
         wanted = bank_rate_command(x, at, wanted, gain)
         wanted = np.where(time >= references.final_time, 0.0, wanted)
@@ -177,19 +193,27 @@ def _finish(
     final_time: Array,
     status: NDArray[np.int64],
 ) -> None:
-    """Locate the target speed inside the step: two secant steps, each with its own RK4 step."""
+    """Locate the target speed inside the step, each guess with its own RK4 step."""
+    target = mission.target.speed
     for i in np.flatnonzero(ended):
         if not np.all(np.isfinite(ahead[:, i])):
             final_time[i], status[i] = time, int(FlightStatus.NOT_FINITE)
             continue
-        begin, end = x[:, i : i + 1], ahead[:, i : i + 1]
-        h = cycle * float((x[3, i] - mission.target.speed) / (x[3, i] - ahead[3, i]))
-        for _ in range(2):
-            here = rate[i : i + 1] + (new_rate[i : i + 1] - rate[i : i + 1]) * (h / cycle)
-            end = _rk4(mission.flight_model, begin, rate[i : i + 1], here, time, h)
-            h *= float((x[3, i] - mission.target.speed) / (x[3, i] - end[3, 0]))
+        begin, old, slope = x[:, i : i + 1], rate[i : i + 1], new_rate[i] - rate[i]
+        low, high = 0.0, cycle
+        h = cycle * float((x[3, i] - target) / (x[3, i] - ahead[3, i]))
+        for step in range(SEARCH):
+            end = _rk4(mission.flight_model, begin, old, old + slope * (h / cycle), time, h)
+            excess = float(end[3, 0]) - target
+            if abs(excess) < SPEED_TOLERANCE:
+                break
+            low, high = (h, high) if excess > 0.0 else (low, h)
+            secant = h * float((x[3, i] - target) / (x[3, i] - end[3, 0]))
+            # every third step halves the bracket: the secant alone may creep
+            h = secant if low < secant < high and step % 3 < 2 else 0.5 * (low + high)
         final[i], final_time[i] = end[:, 0], time + h
-        status[i] = int(FlightStatus.REACHED_SPEED)
+        crashed = end[0, 0] < 0.0
+        status[i] = int(FlightStatus.GROUND if crashed else FlightStatus.REACHED_SPEED)
 
 
 def _snapshot(

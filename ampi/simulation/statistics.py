@@ -63,7 +63,7 @@ class Spread:
     @classmethod
     def of(cls, error: Array) -> Spread:
         """From signed or unsigned errors."""
-        size = np.abs(error)
+        size = np.abs(error[np.isfinite(error)])
         if len(size) == 0:
             return cls(np.nan, np.nan, np.nan)
         return cls(float(np.median(size)), float(np.percentile(size, 99)), float(size.max()))

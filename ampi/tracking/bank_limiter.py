@@ -30,7 +30,7 @@ def limited_rate(limits: BankLimits, bank: Any, rate: Any, command: Any, cycle: 
     a = limits.acceleration
     change = a * cycle
     # Having reached rate r at the end of the cycle, the vehicle stands at bank + (rate + r) cycle/2
-    # and needs r²/2a to stop: the greatest r that still stops at the limit solves a quadratic.
+    # and must still be able to stop, braking by a · cycle in each cycle from then on.
     up = _stopping_rate(limits.angle - bank - 0.5 * rate * cycle, a, cycle)
     down = -_stopping_rate(limits.angle + bank + 0.5 * rate * cycle, a, cycle)
     wanted = np.minimum(np.maximum(command, -limits.rate), limits.rate)
@@ -39,7 +39,13 @@ def limited_rate(limits: BankLimits, bank: Any, rate: Any, command: Any, cycle: 
 
 
 def _stopping_rate(room: Any, acceleration: float, cycle: float) -> Any:
-    """Greatest r with r cycle/2 + r²/2a ≤ room; where there is no room, a rate that backs off."""
-    half = 0.5 * acceleration * cycle
-    positive = np.sqrt(half * half + 2.0 * acceleration * np.maximum(room, 0.0)) - half
+    """Greatest rate r at the cycle's end that stops within `room`; a rate back if there is none.
+
+    Braking from r = a c (k + f), 0 ≤ f < 1, in steps of a c per cycle c, and the cycle that reaches r,
+    need a c² (k (k + 1)/2 + f (k + 1)) of room. With continuous braking (r²/2a) in its place the bank
+    angle would overshoot between cycles and chatter at the limit.
+    """
+    cycles = np.maximum(room, 0.0) / (acceleration * cycle**2)
+    k = np.floor(0.5 * (np.sqrt(1.0 + 8.0 * cycles) - 1.0))
+    positive = acceleration * cycle * (k + (cycles - 0.5 * k * (k + 1.0)) / (k + 1.0))
     return np.where(room >= 0.0, positive, 2.0 * np.minimum(room, 0.0) / cycle)

@@ -101,10 +101,11 @@ def test_no_numbers_raise(
         reference = guidance.reference(entry)
         command = guidance.command(reference, time, np.array(state), rate)
     assert isinstance(command, BankCommand)
+    assert np.isfinite(command.bank_rate)
     assert np.all(np.isfinite(rows(reference)))
     if time >= reference.final_time:
         assert command.health is Health.AFTER_FINAL_TIME
-    elif not np.all(np.isfinite(state)):
+    elif not np.all(np.abs([*state, time, rate]) < 1e12):
         assert command.health is Health.BAD_NAVIGATION
     else:
         assert command.health is (Health.GOOD if reference.inside else Health.BOUNDARY_REFERENCE)
@@ -246,3 +247,19 @@ def test_the_cycle_scales_what_one_command_may_change(synthetic: Guidance) -> No
         reference = guidance.reference([0.1] * 6)
         changes.append(abs(guidance.command(reference, 10.0, state, 0.0).bank_rate))
     assert changes == pytest.approx([0.007, 0.035, 0.07], rel=1e-12)
+
+
+@pytest.mark.parametrize("what", ["bank", "rate", "time"])
+@pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
+def test_a_command_is_always_finite(synthetic: Guidance, what: str, value: float) -> None:
+    reference = synthetic.reference([0.1] * 6)
+    state, rate, time = SOME_STATE.copy(), 0.0, 10.0
+    if what == "bank":
+        state[6] = value
+    rate, time = (value if what == "rate" else rate), (value if what == "time" else time)
+    command = synthetic.command(reference, time, state, rate)
+    ended = what == "time" and value > 0.0
+    assert command.health is (Health.AFTER_FINAL_TIME if ended else Health.BAD_NAVIGATION)
+    assert np.isfinite(command.bank_rate)
+    assert np.isfinite(command.bank_angle)
+    assert abs(command.bank_rate) <= synthetic.limits.rate

@@ -125,3 +125,35 @@ def test_matrix_columns_that_do_not_sum_to_one_are_refused(
     conversion[2, 17] += change
     with pytest.raises(ValueError, match="columns of the LD→HD matrix must sum to one"):
         replace(table, conversion=conversion)
+
+
+@pytest.mark.parametrize("which", [0, 1])
+def test_high_density_times_are_read_only(table: GuidanceTable, which: int) -> None:
+    with pytest.raises(ValueError, match="read-only"):
+        table.high_density_time[which][...] = 0.0
+
+
+@pytest.mark.parametrize("name", ["axes", "conversion", "high_density_time"])
+def test_not_a_number_is_refused_everywhere(table: GuidanceTable, name: str) -> None:
+    value = getattr(table, name)
+    if name == "conversion":
+        value = value.copy()
+        value[1, 1] = np.nan
+    else:
+        value = (value[0].copy(), *value[1:])
+        value[0][1] = np.nan
+    with pytest.raises(ValueError, match="must be finite"):
+        replace(table, **{name: value})
+
+
+def test_both_parts_of_the_high_density_times_are_checked(table: GuidanceTable) -> None:
+    fixed, free = table.high_density_time
+    with pytest.raises(ValueError, match="high_density_time"):
+        replace(table, high_density_time=(fixed, free[:-1]))
+
+
+def test_a_hole_in_the_values_alone_is_counted(table: GuidanceTable) -> None:
+    values = table.values.copy()
+    values[(0,) * len(table.axes)][3, 2] = np.nan
+    with pytest.raises(ValueError, match=r"1 of \d+ cases have no solution"):
+        replace(table, values=values)

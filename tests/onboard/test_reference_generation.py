@@ -228,7 +228,7 @@ def test_references_allocate_nothing_that_lasts(table: GuidanceTable, mode: Mode
     assert abs(end - begin) < 500  # bytes: less than one per call
 
 
-@pytest.mark.parametrize("mode", [Mode.NOMINAL, Mode.MPI])
+@pytest.mark.parametrize("mode", list(Mode))
 def test_a_reference_allocates_almost_nothing_in_passing(table: GuidanceTable, mode: Mode) -> None:
     generator, peaks = ReferenceGenerator(table, mode), []
     entries = some_entries(table, 100)

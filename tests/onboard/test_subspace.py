@@ -189,3 +189,17 @@ def test_an_axis_of_one_point_has_weight_one_and_flags_everything_else(order: in
 def test_order_3_on_two_points_is_linear() -> None:
     first, clipped, weights = selected(np.array([0.0, 4.0]), 1.0, 3)
     assert (first, clipped, weights.tolist()) == (0, False, [0.75, 0.25, 0.0])
+
+
+@laws
+@given(case=axes_and_inside(least=3))
+def test_order_3_takes_the_cell_and_the_nearer_neighbour_of_any_axis(
+    case: tuple[Array, float],
+) -> None:
+    axis, x = case
+    first, _, _ = selected(axis, x, 3)
+    cell = min(int(np.searchsorted(axis, x, side="right")) - 1, len(axis) - 2)
+    assert first <= cell <= first + 1
+    outer = [i for i in (cell - 1, cell + 2) if 0 <= i < len(axis)]
+    third = first if first < cell else first + 2
+    assert abs(axis[third] - x) <= min(abs(axis[i] - x) for i in outer) * (1.0 + 1e-12)

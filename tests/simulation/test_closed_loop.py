@@ -186,3 +186,31 @@ def test_an_entry_that_is_not_a_number_is_a_record(
     batch = fly_batch(mission, guidance.in_mode(mode), np.vstack([entry, mission.entry_state]))
     assert batch.status.tolist() == [int(FlightStatus.NOT_FINITE), int(FlightStatus.REACHED_SPEED)]
     assert np.all(np.isnan(batch.final_states[0]))
+
+
+@pytest.mark.parametrize(
+    ("h", "v", "angle"),
+    [(5e3, 9e3, -80.0), (100.0, 5e3, -85.0), (100.1e3, 500.0, -10.3), (3e4, 0.0, 0.0)],
+)
+def test_reached_speed_means_it(
+    mission: Mission, guidance: Guidance, h: float, v: float, angle: float
+) -> None:
+    entry = mission.entry_state.copy()
+    entry[[0, 3, 4]] = h, v, np.radians(angle)
+    batch = fly_batch(mission, guidance, entry[None])
+    if batch.status[0] == int(FlightStatus.REACHED_SPEED):
+        assert batch.final_states[0, 3] == pytest.approx(mission.target.speed, abs=1e-4)
+        assert batch.final_states[0, 0] >= 0.0
+    else:
+        assert batch.status[0] in (int(FlightStatus.GROUND), int(FlightStatus.STARTED_SLOW))
+
+
+def test_an_absurd_entry_is_a_record_and_keeps_no_limit(
+    mission: Mission, guidance: Guidance
+) -> None:
+    entries = np.stack([mission.entry_state, mission.entry_state])
+    entries[0, 0] = np.inf
+    batch = fly_batch(mission, guidance, entries)
+    assert batch.status[0] == int(FlightStatus.NOT_FINITE)
+    assert np.all(np.isnan(batch.peak[0]))
+    assert batch.status[1] == int(FlightStatus.REACHED_SPEED)

@@ -197,3 +197,21 @@ def test_a_bank_reversal_takes_the_time_that_the_limits_dictate() -> None:
     assert max(rates) == pytest.approx(5.0 * DEGREE, rel=1e-12)
     reached = next(k for k, b in enumerate(banks) if b > 59.0 * DEGREE)
     assert 20.0 <= 0.5 * reached <= 23.0
+
+
+@laws
+@given(start=stoppable_states(), command=commands)
+def test_the_bank_angle_keeps_its_limit_between_the_cycles_too(
+    start: tuple[BankLimits, float, float, float], command: list[float]
+) -> None:
+    lim, cycle, bank, rate = start
+    banks, rates = flown(lim, bank, rate, command, cycle)
+    for b, r, new in zip(banks, rates, rates[1:], strict=False):
+        if r * new < 0.0:  # the parabola turns inside the cycle
+            turn = r / (r - new) * cycle
+            assert abs(b + 0.5 * r * turn) <= lim.angle * (1.0 + 1e-12)
+
+
+def test_at_the_bank_limit_a_held_command_settles() -> None:
+    _, rates = flown(SHEFEX, 0.0, 0.0, [5.0 * DEGREE] * 60, 0.5)
+    assert np.abs(rates[40:]).max() < 1e-9
