@@ -25,7 +25,6 @@ class Status(IntEnum):
     SUBPROBLEM_FAILED = 5
     GUESS_FAILED = 6
     ERROR = 7
-    NOT_RUN = 8
 
     @property
     def sentence(self) -> str:
@@ -47,7 +46,6 @@ _SENTENCES = {
     Status.SUBPROBLEM_FAILED: "Stopped: the convex subproblem returned no usable step.",
     Status.GUESS_FAILED: "Not started: the initial guess could not be flown on this mesh.",
     Status.ERROR: "Not solved: the case raised an error; see its log.",
-    Status.NOT_RUN: "Not solved: the build was interrupted before this case.",
 }
 
 
