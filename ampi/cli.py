@@ -99,7 +99,11 @@ def solve(
                 f"  {key:34} {value:.8g}" if not isinstance(value, str) else f"  {key:34} {value}"
             )
     if not optimum.status.ok:
-        raise typer.Exit(1)
+        error_out.print(
+            f"error: {loaded.name}: {_escaped(optimum.status.sentence)} "
+            "Move the target, widen the limits, or try another --bank-angle"
+        )
+        raise typer.Exit(2)
 
 
 def _convergence_table(optimum: Trajectory) -> Table:
@@ -279,6 +283,10 @@ def guide(
         )
         factors = (1e3, np.pi / 180, np.pi / 180, 1.0, np.pi / 180, np.pi / 180)
         for i, (value, factor) in enumerate(zip(given, factors, strict=True)):
+            if value is not None and not np.isfinite(value):
+                raise ValueError(
+                    f"entry state: expected a finite {ENTRY_STATES[i].replace('_', ' ')}, got {value}"
+                )
             entry[i] = entry[i] if value is None else value * factor
         reference = load_guidance(path, mode=mode).reference(entry)
         if table is not None:
@@ -354,12 +362,19 @@ def report(
     """Write the verdict and all figures as one HTML file."""
     from ampi.dataset import read_dataset
     from ampi.loading import guidance_table
+    from ampi.missions.mission import mission_digest
     from ampi.report.html import write_report
     from ampi.simulation.monte_carlo import load_campaigns
 
     with _told():
         dataset = read_dataset(path)
         loaded = load_campaigns(campaigns)
+        for flights in loaded.values():
+            if flights.mission_sha256 != mission_digest(dataset.mission):
+                raise ValueError(
+                    f"{campaigns}: flown from a database of another mission ({flights.mission}) than "
+                    f"{path} ({dataset.mission.name}); fly this database again"
+                )
         attributes = dataset.attributes
         extra = {"Database file": path.name}
         for label, key in (

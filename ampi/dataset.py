@@ -13,7 +13,8 @@
     ld_to_hd               (node, high_density), P_FRP
 
 Every dataset carries `units` and `long_name`, is chunked with shuffle, gzip and fletcher32, and enters
-the content digest (SHA-256), as do the root attributes: a flipped bit is found on loading.
+the content digest (SHA-256), as do the root attributes. The whole file is sealed besides by a SHA-256
+in its user block: a flipped bit anywhere is found on loading.
 """
 
 from __future__ import annotations
@@ -37,6 +38,7 @@ Array = NDArray[np.float64]
 
 SCHEMA_VERSION = 1
 DIGEST = "content_sha256"
+SEAL_BYTES = 512  # the smallest HDF5 user block; readers skip it
 
 
 class DatasetError(ValueError):
@@ -144,6 +146,21 @@ def read_dataset(path: str | Path) -> TrajectoryDataset:
         ) from None
 
 
+def stored_mission(path: Path) -> str | None:
+    """Mission TOML of a database file, unchecked; None if it is not one."""
+    try:
+        with h5py.File(path, "r") as file:
+            return str(file.attrs["mission_toml"])
+    except (OSError, KeyError):
+        return None
+
+
+def _seal(content: bytes) -> bytes:
+    """User block in front of the HDF5 content: its SHA-256, so that any flipped byte is found."""
+    text = f"ampi trajectory database\nsha256 of what follows byte {SEAL_BYTES}: "
+    return (text + hashlib.sha256(content).hexdigest() + "\n").encode().ljust(SEAL_BYTES, b"\n")
+
+
 def _read_checked(file: h5py.File, path: Path) -> TrajectoryDataset:
     version = file.attrs.get("schema_version")
     if version is None:
@@ -153,8 +170,13 @@ def _read_checked(file: h5py.File, path: Path) -> TrajectoryDataset:
             f"{path}: schema version {version}, this ampi reads version {SCHEMA_VERSION}; "
             f"the file was written by ampi {file.attrs.get('ampi_version', '?')}"
         )
-    if file.attrs.get(DIGEST) != content_digest(file):
-        raise DatasetError(f"{path}: the content does not match its checksum; rebuild the file")
+    raw = path.read_bytes()
+    if raw[:SEAL_BYTES] != _seal(raw[SEAL_BYTES:]) or file.attrs.get(DIGEST) != content_digest(
+        file
+    ):
+        raise DatasetError(
+            f"{path}: the file does not match its checksum, it is damaged; rebuild it"
+        )
     mission = parse_mission(str(file.attrs["mission_toml"]), label=f"{path}: mission")
     names = tuple(str(name) for name in file.attrs["parameters"])
     return TrajectoryDataset(
@@ -232,7 +254,7 @@ def write_dataset(
 ) -> None:
     """Write a database under another name, check it by reading, flush it and rename it to `path`."""
     temporary = path.with_name(path.name + ".tmp")
-    with h5py.File(temporary, "w", track_order=False) as file:
+    with h5py.File(temporary, "w", track_order=False, userblock_size=SEAL_BYTES) as file:
         for key, value in attributes.items():
             file.attrs[key] = value
         for name, axis in zip(names, axes, strict=True):
@@ -249,9 +271,14 @@ def write_dataset(
             f"{int(s)} {s.name}: {s.sentence}" for s in Status
         )
         file.attrs[DIGEST] = content_digest(file)
-    read_dataset(temporary)  # a file that cannot be read back never gets the real name
     with temporary.open("rb+") as handle:
+        handle.seek(SEAL_BYTES)
+        seal = _seal(handle.read())
+        handle.seek(0)
+        handle.write(seal)
+        handle.flush()
         os.fsync(handle.fileno())
+    read_dataset(temporary)  # a file that cannot be read back never gets the real name
     temporary.replace(path)
 
 

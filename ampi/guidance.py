@@ -50,17 +50,19 @@ class Guidance:
         mode: Mode = Mode.AMPI,
         *,
         cycle: float = 0.5,
+        mission_sha256: str | None = None,
     ) -> None:
         self.table, self.limits, self.mode, self.cycle = table, limits, mode, cycle
+        self.mission_sha256 = mission_sha256  # of the database's mission; None if made by hand
         self._generator = ReferenceGenerator(table, mode)
 
     def __reduce__(self) -> tuple[object, ...]:
         """Pickled as what it is made from; a worker allocates its own memory."""
-        return _restored, (self.table, self.limits, self.mode, self.cycle)
+        return _restored, (self.table, self.limits, self.mode, self.cycle, self.mission_sha256)
 
     def in_mode(self, mode: Mode) -> Guidance:
         """The same table flown in another mode."""
-        return Guidance(self.table, self.limits, mode, cycle=self.cycle)
+        return _restored(self.table, self.limits, mode, self.cycle, self.mission_sha256)
 
     def reference(self, entry_state: ArrayLike) -> Reference:
         """Reference for a measured entry state (h, θ, φ, V, γ, ψ; m, rad, m/s).
@@ -106,8 +108,10 @@ class Guidance:
         return BankCommand(rate, bank + 0.5 * (bank_rate + rate) * self.cycle, health)
 
 
-def _restored(table: GuidanceTable, limits: BankLimits, mode: Mode, cycle: float) -> Guidance:
-    return Guidance(table, limits, mode, cycle=cycle)
+def _restored(
+    table: GuidanceTable, limits: BankLimits, mode: Mode, cycle: float, mission_sha256: str | None
+) -> Guidance:
+    return Guidance(table, limits, mode, cycle=cycle, mission_sha256=mission_sha256)
 
 
 def locate(times: Array, time: float) -> tuple[int, float]:

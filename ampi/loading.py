@@ -8,6 +8,7 @@ import numpy as np
 
 from ampi.dataset import DatasetError, TrajectoryDataset, read_dataset
 from ampi.guidance import Guidance
+from ampi.missions.mission import mission_digest
 from ampi.onboard.reference import Mode
 from ampi.onboard.table import GuidanceTable
 from ampi.tracking.bank_limiter import BankLimits
@@ -65,4 +66,5 @@ def load_guidance(path: str | Path, *, mode: Mode | str = Mode.AMPI) -> Guidance
         guidance_table(dataset),
         BankLimits(limits.bank_angle, limits.bank_rate, limits.bank_acceleration),
         Mode(mode),
+        mission_sha256=mission_digest(dataset.mission),
     )

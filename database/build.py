@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ampi.dataset import partial_folder
+from ampi.dataset import partial_folder, stored_mission
 from ampi.missions.mission import Mission
 from ampi.scp.exact_hessian import SolverSettings
 from database.continuation import layers
@@ -82,14 +82,17 @@ def build(
         raise BuildError(f"path: the folder {path.parent} does not exist")
     grid, gains = Grid.from_mission(mission), gains or GainSettings()
     folder, notify = partial_folder(path), advance or (lambda count: None)
+    _refuse_other_database(path, mission)
     _open_partial(folder, mission)
     resumed = 0
-    for layer in layers(grid):
+    for number, layer in enumerate(layers(grid)):
         open_cases = [p for p in layer if load_record(folder, p.case, mission) is None]
         resumed += len(layer) - len(open_cases)
         notify(len(layer) - len(open_cases))
         if open_cases:
             run_layer(mission.toml, folder, open_cases, n_jobs=n_jobs, advance=notify)
+        if number == 0:
+            _require_nominal(folder, layer[0].case, mission)
     solve_seconds = time.perf_counter() - began
     records = [_whole_record(folder, case, mission) for case in range(grid.size)]
     checks = write_database(path, mission, grid, records, gains)
@@ -115,6 +118,26 @@ def build(
 
 def _greatest(values: np.ndarray) -> float:
     return float(np.nanmax(values)) if np.any(np.isfinite(values)) else float("nan")
+
+
+def _refuse_other_database(path: Path, mission: Mission) -> None:
+    """An existing file is replaced only by a new database of the same mission."""
+    if path.exists() and stored_mission(path) != mission.toml:
+        raise BuildError(
+            f"{path} exists and is not a database of this mission ({mission.name}); "
+            "nothing was overwritten: choose another path, or delete the file"
+        )
+
+
+def _require_nominal(folder: Path, case: int, mission: Mission) -> None:
+    """Without a nominal optimum there is nothing to continue from, and nothing to fly."""
+    record = _whole_record(folder, case, mission)
+    if not record.trajectory.status.ok:
+        shutil.rmtree(folder)
+        raise BuildError(
+            f"{mission.name}: the nominal problem has no solution: {record.message} "
+            "Nothing was written; move the target, widen the limits, or try another guess"
+        )
 
 
 def _open_partial(folder: Path, mission: Mission) -> None:

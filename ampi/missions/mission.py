@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -24,6 +25,7 @@ from ampi.physics.aerodynamics import (
 )
 from ampi.physics.atmosphere import Atmosphere, ExponentialAtmosphere, StandardAtmosphere1976
 from ampi.physics.equations_of_motion import FlightModel
+from ampi.physics.path_constraints import PATH_CONSTRAINTS, path_constraints
 from ampi.physics.planet import WGS84, Planet
 from ampi.physics.vehicle import AngleOfAttackSchedule, Vehicle
 from ampi.pseudospectral.mesh import Mesh, Phase
@@ -282,6 +284,15 @@ class Mission(Section):
                 f"target.speed ({self.target.speed:g} m/s) must be below entry.speed "
                 f"({self.entry.speed:g} m/s)"
             )
+        entry = [*self.entry_state, 0.0]
+        for name, value in zip(
+            PATH_CONSTRAINTS, path_constraints(self.flight_model, entry, 0.0), strict=True
+        ):
+            if value > getattr(self.limits, name):
+                raise ValueError(
+                    f"limits.{name}: expected at least {float(value):.4g} (SI), its value at the entry "
+                    f"state; got {getattr(self.limits, name):.4g}; raise the limit or change the entry"
+                )
         return self
 
     @cached_property
@@ -329,6 +340,11 @@ class Mission(Section):
 class _Source:
     label: str
     text: str
+
+
+def mission_digest(mission: Mission) -> str:
+    """SHA-256 of the mission's TOML: what a database and its flights belong to."""
+    return hashlib.sha256(mission.toml.encode()).hexdigest()
 
 
 def shipped_missions() -> list[str]:

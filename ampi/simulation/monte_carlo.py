@@ -10,6 +10,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
+from zipfile import BadZipFile
 
 import numpy as np
 from joblib import Parallel, delayed
@@ -17,7 +18,7 @@ from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 from ampi.guidance import Guidance
-from ampi.missions.mission import Mission
+from ampi.missions.mission import Mission, mission_digest
 from ampi.onboard.reference import Mode
 from ampi.physics.path_constraints import path_constraints
 from ampi.physics.planet import great_circle_distance
@@ -34,6 +35,7 @@ class Flights:
     """A campaign in one guidance mode: n flights, k recorded points (NaN after a flight's end)."""
 
     mission: str
+    mission_sha256: str
     mode: Mode
     seed: int
     distribution: str
@@ -80,14 +82,19 @@ def save_campaigns(path: str | Path, campaigns: Mapping[str, Flights]) -> None:
 def load_campaigns(path: str | Path) -> dict[str, Flights]:
     """Read what `save_campaigns` wrote."""
     found: dict[str, dict[str, Any]] = {}
-    with np.load(path) as packed:
-        for key in packed.files:
-            name, _, part = key.partition("/")
-            value = packed[key]
-            found.setdefault(name, {})[part] = value if value.ndim else value.item()
-    return {
-        name: Flights(**{**parts, "mode": Mode(parts["mode"])}) for name, parts in found.items()
-    }
+    try:
+        with Path(path).open("rb") as file, np.load(file) as packed:
+            for key in packed.files:
+                name, _, part = key.partition("/")
+                value = packed[key]
+                found.setdefault(name, {})[part] = value if value.ndim else value.item()
+        return {
+            name: Flights(**{**parts, "mode": Mode(parts["mode"])}) for name, parts in found.items()
+        }
+    except (BadZipFile, EOFError, KeyError, TypeError, ValueError) as error:
+        raise ValueError(
+            f"{path}: not a whole file of flights ({error}); make one with: ampi fly --output"
+        ) from None
 
 
 def fly(
@@ -125,6 +132,11 @@ def fly(
     Flights
         Every flight, those that failed included with their status.
     """
+    if guidance.mission_sha256 not in (None, mission_digest(mission)):
+        raise ValueError(
+            f"guidance: its database was built for another mission than {mission.name}; "
+            "fly the mission of the database (read_dataset(path).mission), or build it anew"
+        )
     dispersions = dispersions or Dispersions.from_mission(mission)
     entries = dispersions.draw(mission, n, seed)
     chunks = [entries[i : i + BATCH] for i in range(0, n, BATCH)]
@@ -171,6 +183,7 @@ def _assemble(
     scale = (limits.dynamic_pressure, limits.heat_flux, limits.load_factor)
     return Flights(
         mission=mission.name,
+        mission_sha256=mission_digest(mission),
         mode=guidance.mode,
         seed=seed,
         distribution=dispersions.distribution.value,

@@ -125,3 +125,16 @@ def test_a_flipped_bit_on_disk_is_found(small_database: Path, tmp_path: Path) ->
     path.write_bytes(raw)
     with pytest.raises(DatasetError, match="damaged"):
         load_guidance(path)
+
+
+def test_a_flipped_bit_anywhere_is_found(small_database: Path, tmp_path: Path) -> None:
+    raw = small_database.read_bytes()
+    rng = np.random.default_rng(0)
+    path = tmp_path / "flipped.h5"
+    places = [0, 100, 511, 512, len(raw) - 1, *rng.integers(0, len(raw), 60).tolist()]
+    for place in places:
+        flipped = bytearray(raw)
+        flipped[place] ^= 1 << int(rng.integers(8))
+        path.write_bytes(flipped)
+        with pytest.raises(DatasetError):
+            read_dataset(path)

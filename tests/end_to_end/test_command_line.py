@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -106,6 +107,7 @@ def test_fly_and_report(folder: Path) -> None:
         (("solve", "shefex4"), "expected one of shefex3"),
         (("build", "shefex3", "absent/a.h5"), "the folder absent does not exist"),
         (("audit", "absent.h5"), "absent.h5: no such file; make one with: ampi build"),
+        (("guide", "small.h5", "--speed", "nan"), "expected a finite speed, got nan"),
         (("guide", "small.h5", "--mode", "best"), "'best' is not a valid Mode"),
         (("fly", "small.h5", "--distribution", "cauchy"), "'cauchy' is not a valid Distribution"),
         (("report", "small.h5", "absent.npz"), "absent.npz"),
@@ -120,7 +122,38 @@ def test_misuse_is_one_sentence(folder: Path, arguments: tuple[str, ...], messag
 def test_a_target_out_of_reach_is_a_status(tmp_path: Path) -> None:
     text = load_mission("shefex3").toml.replace("longitude_deg = -45.75", "longitude_deg = -120.0")
     (tmp_path / "far.toml").write_text(text)
-    assert "out of reach" in run("solve", "far.toml", cwd=tmp_path, code=1).stdout
+    told = run("solve", "far.toml", cwd=tmp_path, code=2).stderr
+    assert told.startswith("error: shefex3: Converged, but the target is out of reach")
+    refused = run("build", "far.toml", "far.h5", cwd=tmp_path, code=2).stderr
+    assert "the nominal problem has no solution" in refused
+    assert [f.name for f in tmp_path.iterdir()] == ["far.toml"]
+
+
+def test_a_database_of_another_mission_is_never_overwritten(folder: Path, tmp_path: Path) -> None:
+    held = tmp_path / "held.h5"
+    shutil.copy(folder / "small.h5", held)
+    text = (folder / "small.toml").read_text().replace("mass_kg = 500.0", "mass_kg = 499.0")
+    (tmp_path / "light.toml").write_text(text)
+    refused = run("build", "light.toml", "held.h5", cwd=tmp_path, code=2).stderr
+    assert "is not a database of this mission (shefex3); nothing was overwritten" in refused
+    assert held.read_bytes() == (folder / "small.h5").read_bytes()
+    run("fly", "small.h5", "-n", "5", "--modes", "ampi", "--output", "few.npz", cwd=folder)
+    run("build", "light.toml", "light.h5", cwd=tmp_path)
+    mixed = run("report", "light.h5", folder / "few.npz", cwd=tmp_path, code=2).stderr
+    assert "flown from a database of another mission" in mixed
+    assert not (tmp_path / "report.html").exists()
+
+
+def test_damaged_files_are_one_sentence(folder: Path, tmp_path: Path) -> None:
+    whole = (folder / "small.h5").read_bytes()
+    flipped = bytearray(whole)
+    flipped[len(whole) // 2] ^= 1
+    for name, content in (("cut.h5", whole[: len(whole) // 2]), ("flipped.h5", flipped)):
+        (tmp_path / name).write_bytes(content)
+        assert "rebuild" in run("audit", name, "--probes", "0", cwd=tmp_path, code=2).stderr
+    (tmp_path / "cut.npz").write_bytes(b"PK\x03\x04 cut")
+    told = run("report", folder / "small.h5", "cut.npz", cwd=tmp_path, code=2).stderr
+    assert "not a whole file of flights" in told
 
 
 def test_control_c_keeps_the_cases_and_says_how_to_go_on(tmp_path: Path) -> None:

@@ -385,3 +385,9 @@ def test_a_sphere_takes_the_keys_that_wgs84_refuses(rate: str, expected: float) 
     assert planet.equatorial_radius == 6371e3
     assert planet.rotation_rate == expected
     assert planet.load_factor_gravity == 9.8
+
+
+def test_a_limit_below_the_entry_value_is_named() -> None:
+    text = TEXT.replace("heat_flux_MW_per_m2 = 6.5", "heat_flux_MW_per_m2 = 0.05")
+    with pytest.raises(MissionError, match=r"limits\.heat_flux: expected at least .* got 5e\+04"):
+        parse_mission(text)

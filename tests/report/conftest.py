@@ -75,6 +75,7 @@ def campaign(mission: Mission, mode: Mode) -> Flights:
         lost[2] = np.nan
     return Flights(
         mission=mission.name,
+        mission_sha256="0" * 64,
         mode=mode,
         seed=11,
         distribution="normal",

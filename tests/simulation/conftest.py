@@ -57,6 +57,7 @@ def synthetic_flights(n: int = 200, seed: int = 0, **changes: Any) -> Flights:
     along, across = 20e3 * rng.standard_normal(n), 10e3 * rng.standard_normal(n)
     values: dict[str, Any] = {
         "mission": "synthetic",
+        "mission_sha256": "0" * 64,
         "mode": Mode.AMPI,
         "seed": 7,
         "distribution": "normal",
