@@ -13,7 +13,7 @@ from typing import Annotated, Any, Literal, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from pydantic import Field, ValidationError, model_validator
+from pydantic import Field, ValidationError, field_validator, model_validator
 
 from ampi.missions import units as u
 from ampi.missions.units import Dimension, Number, Section
@@ -30,6 +30,7 @@ from ampi.physics.planet import WGS84, Planet
 from ampi.physics.vehicle import AngleOfAttackSchedule, Vehicle
 from ampi.pseudospectral.mesh import Mesh, Phase
 
+LATE = 1e4  # s: after any angle-of-attack manoeuvre
 ENTRY_STATES = ("altitude", "longitude", "latitude", "speed", "flight_path_angle", "azimuth")
 
 
@@ -135,13 +136,15 @@ class TableSection(Section):
 
 
 class AngleOfAttackSection(Section):
-    """Two constant angles joined by a line over time (s) or speed (m/s)."""
+    """Two constant angles joined by a line or a parabola over time (s) or speed (m/s)."""
 
     variable: Literal["time", "speed"]
+    shape: Literal["line", "parabola"] = "line"
     start: Number
     end: Number
     start_angle: u.Angle
     end_angle: u.Angle
+    smoothing: Number = Field(default=0.0, ge=0)  # in the variable's unit; rounds the kinks
 
 
 class VehicleSection(Section):
@@ -151,6 +154,7 @@ class VehicleSection(Section):
     reference_area: u.Area = Field(gt=0)
     heat_flux_constant: Number = Field(gt=0)
     heat_flux_speed_exponent: Number = Field(default=3.0, ge=1, le=4)
+    load_factor: Literal["normal", "total"] = "normal"  # L cos α + D sin α, or √(L² + D²)
     aerodynamics: Annotated[
         ModifiedNewtonianSection | PolynomialSection | TableSection, Field(discriminator="model")
     ]
@@ -163,6 +167,7 @@ class VehicleSection(Section):
             reference_area=self.reference_area,
             heat_flux_constant=self.heat_flux_constant,
             heat_flux_speed_exponent=self.heat_flux_speed_exponent,
+            load_factor=self.load_factor,
             aerodynamics=self.aerodynamics.build(),
             angle_of_attack=AngleOfAttackSchedule(**self.angle_of_attack.model_dump()),
         )
@@ -171,7 +176,7 @@ class VehicleSection(Section):
 class EntrySection(Section):
     """State at the entry interface, Table 1; the bank angle there is free."""
 
-    altitude: u.Length = Field(ge=0, le=120e3)
+    altitude: u.Length = Field(ge=0, le=130e3)
     longitude: u.Angle = Field(ge=-2 * np.pi, le=2 * np.pi)
     latitude: u.Angle = Field(gt=-0.5 * np.pi, lt=0.5 * np.pi)
     speed: u.Speed = Field(ge=10, le=12e3)
@@ -180,7 +185,11 @@ class EntrySection(Section):
 
 
 class TargetSection(Section):
-    """Where guided flight ends, Table 1. Tolerances serve the verdict, not the optimiser."""
+    """Where guided flight ends. Tolerances serve the verdict, not the optimiser.
+
+    A final angle is one number or a range [least, greatest]; absent, it is free. With
+    `position = "free"` longitude and latitude only serve the reports (maximum range).
+    """
 
     altitude: u.Length = Field(ge=0, le=120e3)
     longitude: u.Angle = Field(ge=-2 * np.pi, le=2 * np.pi)
@@ -188,27 +197,90 @@ class TargetSection(Section):
     speed: u.Speed = Field(ge=10, le=12e3)
     altitude_tolerance: u.Length = Field(gt=0)
     speed_tolerance: u.Speed = Field(gt=0)
+    position: Literal["fixed", "free"] = "fixed"
+    flight_path_angle: u.AngleRange | None = None
+    azimuth: u.AngleRange | None = None
+
+    @field_validator("flight_path_angle", "azimuth", mode="before")
+    @classmethod
+    def _number_is_a_range(cls, value: Any) -> Any:
+        return (value, value) if isinstance(value, float) else value
+
+    @field_validator("flight_path_angle", "azimuth")
+    @classmethod
+    def _range_increases(cls, value: tuple[float, float] | None) -> tuple[float, float] | None:
+        if value is not None and value[1] < value[0]:
+            raise ValueError("expected a number or [least, greatest]")
+        return value
 
 
 class LimitsSection(Section):
-    """Bank angle, rate and acceleration (±), and the three path constraints of Eq. (4)."""
+    """Bank angle, rate and acceleration (±), the three path constraints of Eq. (4), a drag floor.
+
+    The drag floor (Liu 2015, Eq. 73) holds where the speed is below `drag_floor_speed`.
+    """
 
     bank_angle: u.Angle = Field(gt=0, le=np.pi)
+    bank_angle_minimum: u.Angle = Field(default=0.0, ge=0, lt=0.5 * np.pi)  # of |σ|
     bank_rate: u.AngularRate = Field(gt=0)
     bank_acceleration: u.AngularAcceleration = Field(gt=0)
     dynamic_pressure: u.Pressure = Field(gt=0)
     heat_flux: u.HeatFlux = Field(gt=0)
     load_factor: u.LoadFactor = Field(gt=0)
+    drag_floor: u.LoadFactor | None = Field(default=None, gt=0)
+    drag_floor_speed: u.Speed | None = Field(default=None, gt=0)
+
+    @model_validator(mode="after")
+    def _floor_is_complete(self) -> LimitsSection:
+        if (self.drag_floor is None) != (self.drag_floor_speed is None):
+            raise ValueError("drag_floor_g and drag_floor_speed_m_per_s: expected both or neither")
+        if self.bank_angle_minimum >= self.bank_angle:
+            raise ValueError("bank_angle_minimum: expected less than bank_angle")
+        return self
+
+
+class NoFlyZoneSection(Section):
+    """A cylinder over a point, Liu 2015, Eq. (71): (θ − θ_c)² + (φ − φ_c)² ≥ (radius / R₀)²."""
+
+    longitude: u.Angle
+    latitude: u.Angle
+    radius: u.Length = Field(gt=0)
+
+
+TARGET_WEIGHTS = ("altitude_weight", "longitude_weight", "latitude_weight", "speed_weight")
 
 
 class ObjectiveSection(Section):
-    """Weights of Eq. (1) and the bank-rate effort ε (σ̇ in deg/s)."""
+    """What is minimised: a weighted sum of the terms that are given.
 
-    longitude_weight: u.PerAngleSquared = Field(ge=0)
-    latitude_weight: u.PerAngleSquared = Field(ge=0)
-    altitude_weight: u.PerLengthSquared = Field(ge=0)
-    speed_weight: u.PerSpeedSquared = Field(ge=0)
-    bank_rate_effort: Number = Field(gt=0)  # per (deg/s)² s
+    With the four target weights (all or none) the target is a quadratic cost, Sagliano 2016,
+    Eq. (1); without them it is to be met exactly.
+    """
+
+    altitude_weight: u.PerLengthSquared | None = Field(default=None, ge=0)
+    longitude_weight: u.PerAngleSquared | None = Field(default=None, ge=0)
+    latitude_weight: u.PerAngleSquared | None = Field(default=None, ge=0)
+    speed_weight: u.PerSpeedSquared | None = Field(default=None, ge=0)
+    bank_rate_effort: Number = Field(default=0.0, ge=0)  # ∫ σ̇² dt, per (deg/s)² s
+    bank_rate_variation: Number = Field(default=0.0, ge=0)  # ∫ |σ̇| dt, per deg
+    flight_time: Number = 0.0  # t_f, per s; negative: longest flight
+    heat_load: Number = Field(default=0.0, ge=0)  # ∫ Q̇ dt, per MJ/m²
+    ground_range: Number = 0.0  # ∫ V cos γ R/r dt, per km; negative: farthest flight
+    descent_rate: Number = Field(default=0.0, ge=0)  # ∫ |ḣ − desired| dt, per m
+    desired_altitude_rate: u.Speed | None = None
+
+    @model_validator(mode="after")
+    def _terms_fit(self) -> ObjectiveSection:
+        given = [name for name in TARGET_WEIGHTS if getattr(self, name) is not None]
+        if given and len(given) < len(TARGET_WEIGHTS):
+            missing = ", ".join(n for n in TARGET_WEIGHTS if n not in given)
+            raise ValueError(f"expected all four target weights or none, missing {missing}")
+        if (self.descent_rate > 0) != (self.desired_altitude_rate is not None):
+            raise ValueError("descent_rate and desired_altitude_rate: expected both or neither")
+        terms = [self.bank_rate_effort, self.bank_rate_variation, self.heat_load, self.descent_rate]
+        if not any([*terms, self.flight_time, self.ground_range]):
+            raise ValueError("expected at least one term: bank_rate_effort, flight_time, …")
+        return self
 
 
 class GuessSection(Section):
@@ -273,6 +345,7 @@ class Mission(Section):
     objective: ObjectiveSection
     mesh: MeshSection
     guess: GuessSection | None = None
+    no_fly_zone: tuple[NoFlyZoneSection, ...] = ()
     grid: GridSection = GridSection()
     toml: str = Field(default="", repr=False)
 
@@ -284,16 +357,36 @@ class Mission(Section):
                 f"target.speed ({self.target.speed:g} m/s) must be below entry.speed "
                 f"({self.entry.speed:g} m/s)"
             )
-        entry = [*self.entry_state, 0.0]
-        for name, value in zip(
-            PATH_CONSTRAINTS, path_constraints(self.flight_model, entry, 0.0), strict=True
-        ):
+        self._limits_hold_at("entry", [*self.entry_state, 0.0], 0.0)
+        at_target = [self.target.altitude, 0.0, 0.0, self.target.speed, 0.0, 0.0, 0.0]
+        self._limits_hold_at("target", at_target, LATE)
+        self._zones_are_clear()
+        return self
+
+    def _limits_hold_at(self, place: str, state: list[float], time: float) -> None:
+        values = path_constraints(self.flight_model, state, time)
+        for name, value in zip(PATH_CONSTRAINTS, values, strict=True):
             if value > getattr(self.limits, name):
                 raise ValueError(
-                    f"limits.{name}: expected at least {float(value):.4g} (SI), its value at the entry "
-                    f"state; got {getattr(self.limits, name):.4g}; raise the limit or change the entry"
+                    f"limits.{name}: expected at least {float(value):.4g} (SI), its value at the "
+                    f"{place}; got {getattr(self.limits, name):.4g}; raise the limit or change "
+                    f"the {place}"
                 )
-        return self
+
+    def _zones_are_clear(self) -> None:
+        radius = self.flight_model.planet.equatorial_radius
+        ends: list[tuple[str, EntrySection | TargetSection]] = [("entry", self.entry)]
+        if self.target.position == "fixed":
+            ends.append(("target", self.target))
+        for number, zone in enumerate(self.no_fly_zone, start=1):
+            for place, end in ends:
+                away = np.hypot(end.longitude - zone.longitude, end.latitude - zone.latitude)
+                if away * radius < zone.radius:
+                    raise ValueError(
+                        f"no_fly_zone {number}: expected the {place} outside the zone, got it "
+                        f"{away * radius / 1e3:.0f} km from the centre of a zone of "
+                        f"{zone.radius / 1e3:.0f} km; move the zone or the {place}"
+                    )
 
     @cached_property
     def flight_model(self) -> FlightModel:

@@ -54,6 +54,7 @@ LoadFactor = Annotated[float, Dimension("load factor")]
 PerAngleSquared = Annotated[float, Dimension("inverse angle squared")]
 PerLengthSquared = Annotated[float, Dimension("inverse length squared")]
 PerSpeedSquared = Annotated[float, Dimension("inverse speed squared")]
+AngleRange = Annotated[tuple[float, float], Dimension("angle")]
 
 
 Number = Annotated[float, Field(strict=True)]

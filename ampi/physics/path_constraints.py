@@ -2,7 +2,8 @@
 
     q = ½ ρ V²,   Q̇ = k_q √ρ V^n,   n_z = |L cos α + D sin α| / g₀              (4)
 
-with n = 3 there; the exponent (3.15 in other papers) belongs to the vehicle.
+with n = 3 there; the exponent (3.15 in other papers) belongs to the vehicle, and so does the choice
+of the load factor: the normal one above, or the total n = √(L² + D²) / g₀ of Liu 2015, Eq. (11).
 """
 
 from __future__ import annotations
@@ -27,6 +28,9 @@ def path_constraints(model: FlightModel, state: Any, time: Any) -> tuple[Any, An
         * np.sqrt(air.density)
         * speed**model.vehicle.heat_flux_speed_exponent
     )
+    if model.vehicle.load_factor == "total":
+        total = np.sqrt(air.lift * air.lift + air.drag * air.drag)
+        return pressure, heat_flux, total / model.planet.load_factor_gravity
     normal = air.lift * np.cos(air.angle_of_attack) + air.drag * np.sin(air.angle_of_attack)
     # Entry vehicles fly at positive lift; where they do not, |·| is written as √(·²) so that the
     # expression can be differentiated on either side of zero.

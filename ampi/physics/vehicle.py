@@ -13,10 +13,15 @@ from ampi.physics.atmosphere import Atmosphere
 
 @dataclass(frozen=True, kw_only=True)
 class AngleOfAttackSchedule:
-    """Two constant angles (rad) joined by a line over `start` … `end` of time (s) or speed (m/s).
+    """Two constant angles (rad) joined over `start` … `end` of time (s) or speed (m/s).
 
-    Over time the kinks stand at fixed instants: give the mesh a phase boundary at each (see
-    `Mission.mesh`). Over speed they move with the trajectory and cannot sit on a node.
+    The joint is a line, or a parabola with its vertex at `end` (Lu 1997). Over time the kinks stand
+    at fixed instants: give the mesh a phase boundary at each (see `Mission.mesh`). Over speed they
+    move with the trajectory and cannot sit on a node: there `smoothing` rounds them,
+
+        clip(f, 0, 1) ≈ ½ [1 + √(f² + s²) − √((f − 1)² + s²)],                (1)
+
+    with f the fraction of the way and s the smoothing over the way's length.
     """
 
     variable: str  # "time" or "speed"
@@ -24,11 +29,17 @@ class AngleOfAttackSchedule:
     end: float
     start_angle: float  # rad, for variable ≤ start
     end_angle: float  # rad, for variable ≥ end
+    shape: str = "line"  # or "parabola"
+    smoothing: float = 0.0  # in the unit of the variable
 
     def __post_init__(self) -> None:
         if self.variable not in ("time", "speed"):
             raise ValueError(
                 f"angle_of_attack.variable: expected 'time' or 'speed', got {self.variable!r}"
+            )
+        if self.shape not in ("line", "parabola"):
+            raise ValueError(
+                f"angle_of_attack.shape: expected 'line' or 'parabola', got {self.shape!r}"
             )
         if not self.end > self.start:
             raise ValueError(
@@ -38,7 +49,15 @@ class AngleOfAttackSchedule:
     def __call__(self, time: Any, speed: Any) -> Any:
         """Angle of attack (rad) at `time` (s) and `speed` (m/s)."""
         variable = time if self.variable == "time" else speed
-        fraction = np.fmin(np.fmax((variable - self.start) / (self.end - self.start), 0.0), 1.0)
+        fraction = (variable - self.start) / (self.end - self.start)
+        if self.smoothing > 0.0:
+            s2 = (self.smoothing / (self.end - self.start)) ** 2
+            before, after = np.sqrt(fraction**2 + s2), np.sqrt((fraction - 1.0) ** 2 + s2)
+            fraction = 0.5 * (1.0 + before - after)
+        else:
+            fraction = np.fmin(np.fmax(fraction, 0.0), 1.0)
+        if self.shape == "parabola":
+            fraction = fraction * (2.0 - fraction)
         return self.start_angle + (self.end_angle - self.start_angle) * fraction
 
 
@@ -52,11 +71,16 @@ class Vehicle:
     angle_of_attack: AngleOfAttackSchedule
     heat_flux_constant: float  # k_q; W/m² per (kg/m³)^½ (m/s)^exponent
     heat_flux_speed_exponent: float = 3.0
+    load_factor: str = "normal"  # what the load factor measures; or "total"
 
     def __post_init__(self) -> None:
         for name in ("mass", "reference_area", "heat_flux_constant"):
             if getattr(self, name) <= 0:
                 raise ValueError(f"vehicle.{name}: must be positive, got {getattr(self, name)}")
+        if self.load_factor not in ("normal", "total"):
+            raise ValueError(
+                f"vehicle.load_factor: expected 'normal' or 'total', got {self.load_factor!r}"
+            )
 
 
 @dataclass(frozen=True)

@@ -83,7 +83,7 @@ FAULTS = {
     ),
     "a missing number": (
         ("bank_rate_effort = 1e-5", ""),
-        "objective.bank_rate_effort: Field required",
+        "objective: expected at least one term: bank_rate_effort, flight_time, …",
     ),
     "a missing section": (("[target]", "[goal]"), "target: Field required"),
     "an unknown field": (
@@ -109,8 +109,8 @@ FAULTS = {
         "(got -1.0 in SI units)",
     ),
     "an entry above the atmosphere": (
-        ("altitude_km = 100.10", "altitude_km = 130.0"),
-        "entry.altitude: Input should be less than or equal to 120000 (got 130000.0 in SI units)",
+        ("altitude_km = 100.10", "altitude_km = 140.0"),
+        "entry.altitude: Input should be less than or equal to 130000 (got 140000.0 in SI units)",
     ),
     "an entry at the pole": (
         ("latitude_deg = 71.89", "latitude_deg = 180.0"),
