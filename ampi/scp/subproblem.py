@@ -79,6 +79,38 @@ class Step:
         return self.status in USABLE and bool(np.all(np.isfinite(self.z)))
 
 
+def solve_cone_program(
+    quadratic: sparse.csc_array,
+    linear: Array,
+    left: sparse.csc_array,
+    right: Array,
+    *,
+    equalities: int,
+    inequalities: int,
+    second_order: tuple[int, ...] = (),
+) -> clarabel.DefaultSolution:
+    """minimise ½ yᵀPy + qᵀy subject to A y + s = b, s in zeros × non-negatives × cones (Clarabel).
+
+    `quadratic` is upper triangular; the rows of A come in the order of the arguments' names.
+    """
+    settings = clarabel.DefaultSettings()
+    settings.verbose = False
+    settings.max_threads = 1
+    cones = [
+        clarabel.ZeroConeT(equalities),
+        clarabel.NonnegativeConeT(inequalities),
+        *(clarabel.SecondOrderConeT(size) for size in second_order),
+    ]
+    return clarabel.DefaultSolver(
+        sparse.csc_matrix(quadratic),
+        linear,
+        sparse.csc_matrix(left),
+        right,
+        cones,
+        settings,
+    ).solve()
+
+
 def _settings() -> clarabel.DefaultSettings:
     settings = clarabel.DefaultSettings()
     settings.verbose = False

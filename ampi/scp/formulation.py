@@ -1,0 +1,191 @@
+"""A formulation: one way to write the entry problem as an optimal control problem.
+
+Two are in use: over time with the bank rate as control (`time_domain`: Zhou 2021, Wang 2020, Liu 2024)
+and over energy with cos σ and sin σ as controls (`energy_domain`: Liu 2015). A formulation names its
+states and controls, traces its functions once,
+
+    x' = f(x, u, s),   g(x, s) ≤ 1,   J = Σ_k c_k ∫ l_k(x, u, s) ds (or ∫ |l_k|) + c_s s_f,   (1)
+
+and says how a trajectory is read from its solution. All arrays are in scaled units, node-major.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from enum import Enum
+from typing import Any, Protocol
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from ampi.missions.mission import Mission
+from ampi.pseudospectral.mesh import Mesh
+from ampi.trajectory import Trajectory
+
+Array = NDArray[np.float64]
+
+
+class TermKind(Enum):
+    """How an integrand enters the convex cost."""
+
+    LINEAR = "linearised"
+    CONVEX = "with its second derivative, where positive"  # Liu 2015, Eqs. (29)–(35)
+    ABSOLUTE = "absolute value, epigraph"  # Wang 2020, Eqs. (33)–(35)
+
+
+@dataclass(frozen=True)
+class Term:
+    """c_k ∫ l_k ds; integrands are traced in the order of the terms."""
+
+    name: str
+    weight: float
+    kind: TermKind
+
+
+@dataclass(frozen=True)
+class FinalState:
+    """A final state held to a range (scaled); equal bounds hold it to a value."""
+
+    state: int
+    lower: float
+    upper: float
+
+
+@dataclass(frozen=True, eq=False)
+class Guess:
+    """States (n, n_x), controls (n, n_u) and final value of the independent variable."""
+
+    states: Array
+    controls: Array
+    final: float
+
+
+@dataclass(frozen=True)
+class Linearisation:
+    """Values and derivatives at n nodes: k limits, m integrands."""
+
+    rates: Array  # (n, n_x)
+    state_jacobian: Array  # (n, n_x, n_x)
+    control_jacobian: Array  # (n, n_x, n_u)
+    drift: Array  # (n, n_x), ∂f/∂s
+    limits: Array  # g (n, k)
+    limit_jacobian: Array  # (n, k, n_x)
+    limit_drift: Array  # (n, k)
+    integrands: Array  # l (n, m)
+    integrand_state: Array  # (n, m, n_x)
+    integrand_control: Array  # (n, m, n_u)
+    integrand_curvature: Array  # (n, m, n_x + n_u), diagonal of ∂²l
+
+
+class Formulation(Protocol):
+    """What the successive convexification needs to know."""
+
+    n_states: int
+    n_controls: int
+    state_scale: Array  # SI or rad per scaled unit (n_x,)
+    final_scale: float  # of the subproblem's δs
+    entry: Array  # (n_x,), NaN where free
+    target: tuple[FinalState, ...]
+    terms: tuple[Term, ...]
+    final_cost: float  # c_s
+    final_is_free: bool
+    state_bounds: tuple[Array, Array]  # (n_x,) each
+    control_bounds: tuple[Array, Array]  # (n_u,) each
+    control_cone: bool
+    limit_names: tuple[str, ...]
+
+    def linearise(self, mesh: Mesh, x: Array, u: Array, final: float) -> Linearisation:
+        """Eq. (1) and its derivatives at the nodes."""
+        ...
+
+    def rates(self, x: Array, u: Array, s: Array) -> Array:
+        """f alone, at any points: (n, n_x)."""
+        ...
+
+    def trajectory(self, mesh: Mesh, x: Array, u: Array, final: float) -> Trajectory:
+        """The flight in SI over time, without status and statistics."""
+        ...
+
+
+Expressions = tuple[list[Any], list[Any], list[Any]]
+
+
+class TracedFunctions:
+    """f, g, l and their derivatives, traced by CasADi from plain numpy expressions."""
+
+    def __init__(
+        self, n_states: int, n_controls: int, build: Callable[[Any, Any, Any], Expressions]
+    ) -> None:
+        x, u, s = ca.SX.sym("x", n_states), ca.SX.sym("u", n_controls), ca.SX.sym("s")
+        previous = ca.GlobalOptions.getNumpyMode()
+        ca.GlobalOptions.setNumpyMode(-1)
+        try:
+            rates, limits, integrands = build(x, u, s)
+        finally:
+            ca.GlobalOptions.setNumpyMode(previous)
+        f, g, l = ca.vertcat(*rates), ca.vertcat(*limits), ca.vertcat(*integrands)
+        xu = ca.vertcat(x, u)
+        diagonal = [ca.jacobian(ca.jacobian(l[k], xu), xu) for k in range(l.numel())]
+        curvature = ca.vertcat(*(ca.diag(d).T for d in diagonal)) if diagonal else ca.SX(0, 0)
+        outputs = [
+            *(f, ca.jacobian(f, x), ca.jacobian(f, u), ca.jacobian(f, s)),
+            *(g, ca.jacobian(g, x), ca.jacobian(g, s)),
+            *(l, ca.jacobian(l, x), ca.jacobian(l, u), curvature),
+        ]
+        self._all = ca.Function("all", [x, u, s], [ca.densify(o) for o in outputs])
+        self._rates = ca.Function("rates", [x, u, s], [ca.densify(f)])
+        self._mapped: dict[tuple[str, int], Any] = {}
+
+    def _map(self, function: Any, n: int) -> Any:
+        key = (function.name(), n)
+        if key not in self._mapped:
+            self._mapped[key] = function.map(n)
+        return self._mapped[key]
+
+    def rates(self, x: Array, u: Array, s: Array) -> Array:
+        """f at n points, (n, n_x)."""
+        return np.array(self._map(self._rates, len(x))(x.T, u.T, s[None])).T
+
+    def linearise(self, x: Array, u: Array, s: Array) -> Linearisation:
+        """Everything at n points."""
+        n, columns = len(x), x.shape[1] + u.shape[1]
+        found = self._map(self._all, n)(x.T, u.T, s[None])
+
+        def stack(value: Any, width: int) -> Array:
+            return np.asarray(np.array(value).reshape(-1, n, width).transpose(1, 0, 2))
+
+        f, fx, fu, fs, g, gx, gs, l, lx, lu, lxx = found
+        n_x, n_u = x.shape[1], u.shape[1]
+        return Linearisation(
+            rates=np.array(f).T,
+            state_jacobian=stack(fx, n_x),
+            control_jacobian=stack(fu, n_u),
+            drift=np.array(fs).T,
+            limits=np.array(g).T,
+            limit_jacobian=stack(gx, n_x),
+            limit_drift=np.array(gs).T,
+            integrands=np.array(l).T,
+            integrand_state=stack(lx, n_x),
+            integrand_control=stack(lu, n_u),
+            integrand_curvature=stack(lxx, columns),
+        )
+
+
+def no_fly_zone_values(mission: Mission, longitude: Any, latitude: Any) -> list[Any]:
+    """g = 2 − [(θ − θ_c)² + (φ − φ_c)²]/d² of every zone: at most 1 outside (Liu 2015, Eq. 71).
+
+    Its linearisation is Eq. (72).
+    """
+    radius = mission.flight_model.planet.equatorial_radius
+    return [
+        2.0
+        - ((longitude - z.longitude) ** 2 + (latitude - z.latitude) ** 2) * (radius / z.radius) ** 2
+        for z in mission.no_fly_zone
+    ]
+
+
+def no_fly_zone_names(mission: Mission) -> tuple[str, ...]:
+    """Names of the zones' limits."""
+    return tuple(f"no_fly_zone {k}" for k in range(1, len(mission.no_fly_zone) + 1))
