@@ -9,7 +9,7 @@ to act on there.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +18,8 @@ from scipy.integrate import solve_ivp
 from ampi.missions.mission import Mission
 from ampi.physics.equations_of_motion import equations_of_motion
 from ampi.physics.vehicle import air_loads
+from ampi.scp.collocation import line_mesh
+from ampi.trajectory import Trajectory
 
 Array = NDArray[np.float64]
 
@@ -36,6 +38,18 @@ class Coast:
     def handover(self) -> Array:
         """(h, θ, φ, V, γ, ψ) where planning begins."""
         return np.asarray(self.states[:6, -1])
+
+    def before(self, flight: Trajectory) -> Trajectory:
+        """The whole entry: this coast, then `flight`; between nodes on straight lines."""
+        times = np.concatenate([self.times[:-1], self.times[-1] + flight.times])
+        states = np.hstack([self.states[:, :-1], flight.states])
+        return replace(
+            flight,
+            mesh=line_mesh(times / times[-1]),
+            states=states,
+            bank_rate=np.gradient(states[6], times),
+            final_time=float(times[-1]),
+        )
 
 
 def until_level(mission: Mission) -> Coast | None:

@@ -69,12 +69,11 @@ def trapezoid(mesh: Mesh) -> Collocation:
     fixed, free = mesh.node_time
     n = mesh.n_nodes
     step_fixed, step_free = np.diff(fixed), np.diff(free)
-    ones = np.ones(n - 1)
-    shape = (n - 1, n)
+    before, after = sparse.eye_array(n - 1, n), sparse.eye_array(n - 1, n, k=1)
     return Collocation(
         mesh=mesh,
-        left=sparse.diags_array([-ones, ones], offsets=[0, 1], shape=shape).tocsr(),
-        right=sparse.diags_array([ones, ones], offsets=[0, 1], shape=shape).tocsr(),
+        left=(after - before).tocsr(),
+        right=(after + before).tocsr(),
         half_fixed=0.5 * step_fixed,
         half_free=0.5 * step_free,
         weight_fixed=_trapezoid_weights(step_fixed),

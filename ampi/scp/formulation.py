@@ -104,6 +104,10 @@ class Formulation(Protocol):
         """f alone, at any points: (n, n_x)."""
         ...
 
+    def limits(self, x: Array, u: Array, s: Array) -> Array:
+        """g alone, at any points: (n, k)."""
+        ...
+
     def trajectory(self, mesh: Mesh, x: Array, u: Array, final: float) -> Trajectory:
         """The flight in SI over time, without status and statistics."""
         ...
@@ -125,17 +129,20 @@ class TracedFunctions:
             rates, limits, integrands = build(x, u, s)
         finally:
             ca.GlobalOptions.setNumpyMode(previous)
-        f, g, l = ca.vertcat(*rates), ca.vertcat(*limits), ca.vertcat(*integrands)
+        f, g, integrand = ca.vertcat(*rates), ca.vertcat(*limits), ca.vertcat(*integrands)
         xu = ca.vertcat(x, u)
-        diagonal = [ca.jacobian(ca.jacobian(l[k], xu), xu) for k in range(l.numel())]
+        diagonal = [
+            ca.jacobian(ca.jacobian(integrand[k], xu), xu) for k in range(integrand.numel())
+        ]
         curvature = ca.vertcat(*(ca.diag(d).T for d in diagonal)) if diagonal else ca.SX(0, 0)
         outputs = [
             *(f, ca.jacobian(f, x), ca.jacobian(f, u), ca.jacobian(f, s)),
             *(g, ca.jacobian(g, x), ca.jacobian(g, s)),
-            *(l, ca.jacobian(l, x), ca.jacobian(l, u), curvature),
+            *(integrand, ca.jacobian(integrand, x), ca.jacobian(integrand, u), curvature),
         ]
         self._all = ca.Function("all", [x, u, s], [ca.densify(o) for o in outputs])
         self._rates = ca.Function("rates", [x, u, s], [ca.densify(f)])
+        self._limits = ca.Function("limits", [x, u, s], [ca.densify(g)])
         self._mapped: dict[tuple[str, int], Any] = {}
 
     def _map(self, function: Any, n: int) -> Any:
@@ -148,6 +155,10 @@ class TracedFunctions:
         """f at n points, (n, n_x)."""
         return np.array(self._map(self._rates, len(x))(x.T, u.T, s[None])).T
 
+    def limits(self, x: Array, u: Array, s: Array) -> Array:
+        """g at n points, (n, k)."""
+        return np.array(self._map(self._limits, len(x))(x.T, u.T, s[None])).T
+
     def linearise(self, x: Array, u: Array, s: Array) -> Linearisation:
         """Everything at n points."""
         n, columns = len(x), x.shape[1] + u.shape[1]
@@ -156,7 +167,7 @@ class TracedFunctions:
         def stack(value: Any, width: int) -> Array:
             return np.asarray(np.array(value).reshape(-1, n, width).transpose(1, 0, 2))
 
-        f, fx, fu, fs, g, gx, gs, l, lx, lu, lxx = found
+        f, fx, fu, fs, g, gx, gs, value, lx, lu, lxx = found
         n_x, n_u = x.shape[1], u.shape[1]
         return Linearisation(
             rates=np.array(f).T,
@@ -166,7 +177,7 @@ class TracedFunctions:
             limits=np.array(g).T,
             limit_jacobian=stack(gx, n_x),
             limit_drift=np.array(gs).T,
-            integrands=np.array(l).T,
+            integrands=np.array(value).T,
             integrand_state=stack(lx, n_x),
             integrand_control=stack(lu, n_u),
             integrand_curvature=stack(lxx, columns),

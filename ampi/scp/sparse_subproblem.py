@@ -82,6 +82,11 @@ class SparseSubproblem:
         return self.n_nodes * (self.n_states + self.n_controls) + 1
 
     @property
+    def n_absolute(self) -> int:
+        """Epigraph variables a."""
+        return sum(len(term.offset) for term in self.absolute)
+
+    @property
     def trust_rows(self) -> NDArray[np.intp]:
         """Entries of δx under the trust region."""
         held = np.tile(np.isfinite(self.trust_radius), self.n_nodes)
@@ -110,101 +115,58 @@ class SparseStep:
 def solve_sparse_subproblem(problem: SparseSubproblem) -> SparseStep:
     """Solve Eq. (1) with Clarabel.
 
-    Columns are (δx, δu, δs | η | v | p | a); rows the equalities, the inequalities, the cones.
+    Columns are (δ = (δx, δu, δs) | η | v | p | a), rows from top to bottom
+
+        [ D     ·   ·   ·   · ]  dynamics        [ ±I    −Δ   ·   ·   · ]  trust region
+        [ I_f   ·   ·   ·   · ]  fixed states    [ G     ·    ·  −K   · ]  limits
+        [ ·     1   ·   ·   · ]  η, if fixed     [ ±A    ·    ·   ·  −I ]  absolute terms
+        [ ±I_t  ·  −I   ·   · ]  target          [ ·    −I   −I  −I   · ]  signs
+        [ ±I_b  ·   ·   ·   · ]  bounds          [ −I_u   ·    ·   ·   · ]  cones (1, u + δu)
     """
     p = problem
-    relaxed = 0 if p.trust_price is None else 1
-    counts = [p.width, relaxed, len(p.target), p.n_limits, *(len(t.offset) for t in p.absolute)]
-    first = np.concatenate([[0], np.cumsum(counts)])
-    columns = int(first[-1])
-
-    def widen(rows: sparse.sparray, *more: tuple[int, sparse.sparray]) -> sparse.coo_array:
-        out = sparse.coo_array((rows.shape[0], columns))
-        for at, block in ((0, rows), *more):
-            block = block.tocoo()
-            part = sparse.coo_array(
-                (block.data, (block.row, block.col + at)), shape=(rows.shape[0], columns)
-            )
-            out = out + part
-        return out.tocoo()
-
-    entry = _pick(p.fixed, p.width)
-    equal = [widen(p.dynamics), widen(entry)]
-    equal_right = [-p.residual, p.fixed_change]
-    rows: list[sparse.sparray] = []
-    right: list[Array] = []
-    last = (p.n_nodes - 1) * p.n_states
-    final = _pick(np.array([last + t.state for t in p.target], dtype=int), p.width)
-    slack = -sparse.eye_array(len(p.target))
-    rows += [widen(final, (first[2], slack)), widen(-final, (first[2], slack))]
-    right += [np.array([t.upper for t in p.target]), -np.array([t.lower for t in p.target])]
-    for sign, bound in ((1.0, p.upper), (-1.0, -p.lower)):
-        held = np.flatnonzero(np.isfinite(bound))
-        rows.append(widen(sign * _pick(held, p.width)))
-        right.append(bound[held])
-    trust = p.trust_rows
-    radius = np.tile(p.trust_radius, p.n_nodes)[trust]
-    inside = _pick(trust, p.width)
-    for signed in (inside, -inside):
-        if relaxed:
-            rows.append(widen(signed, (first[1], sparse.csr_array(-radius[:, None]))))
-            right.append(np.zeros(len(trust)))
-        else:
-            rows.append(widen(signed))
-            right.append(radius)
-    kinds = sparse.csr_array(
-        (-np.ones(len(p.limit_room)), (np.arange(len(p.limit_room)), p.limit_kind)),
-        shape=(len(p.limit_room), p.n_limits),
-    )
-    rows.append(widen(p.limit_rows, (first[3], kinds)))
-    right.append(p.limit_room)
-    for k, term in enumerate(p.absolute):
-        above = -sparse.eye_array(len(term.offset))
-        rows += [widen(sign * term.rows, (first[4 + k], above)) for sign in (1.0, -1.0)]
-        right += [-term.offset, term.offset]
-    signed_from, signed_to = int(first[1]), int(first[4])
-    signs = _pick(np.arange(signed_from, signed_to), columns)
-    rows.append(-signs)
-    right.append(np.zeros(signed_to - signed_from))
-    inequalities = sum(r.shape[0] for r in rows)
-    cones = 0
+    equalities, equal_to = _equalities(p)
+    inequalities, at_most = _inequalities(p)
+    left, right = [equalities, inequalities], [equal_to, at_most]
     if p.control is not None:
-        cones = p.n_nodes
-        cone_rows, cone_right = _control_cones(p, columns)
-        rows.append(cone_rows)
-        right.append(cone_right)
-
+        cones, apexes = _control_cones(p, equalities.shape[1])
+        left.append(cones)
+        right.append(apexes)
     linear = np.concatenate(
         [
             p.gradient,
-            [] if p.trust_price is None else [p.trust_price],
+            [0.0 if p.trust_price is None else p.trust_price],
             [t.price for t in p.target],
             np.full(p.n_limits, p.limit_price),
-            np.ones(columns - signed_to),
+            np.ones(p.n_absolute),
         ]
     )
-    diagonal = np.concatenate([p.curvature, np.zeros(columns - p.width)])
-    left = sparse.vstack([*equal, *rows]).tocsc()
-    left.eliminate_zeros()
+    diagonal = np.concatenate([p.curvature, np.zeros(len(linear) - p.width)])
+    matrix = sparse.csc_array(sparse.vstack(left, format="csc"))
+    matrix.eliminate_zeros()
     solution = solve_cone_program(
-        sparse.diags_array(diagonal).tocsc(),
+        sparse.csc_array(sparse.diags_array(diagonal)),
         linear,
-        left,
-        np.concatenate([*equal_right, *right]),
-        equalities=sum(len(r) for r in equal_right),
-        inequalities=inequalities,
-        second_order=(3,) * cones,
+        matrix,
+        np.concatenate(right),
+        equalities=len(equal_to),
+        inequalities=len(at_most),
+        second_order=(3,) * (0 if p.control is None else p.n_nodes),
     )
-    y, n_x = np.array(solution.x), p.n_nodes * p.n_states
+    return _step(p, np.array(solution.x), float(solution.obj_val), str(solution.status))
+
+
+def _step(p: SparseSubproblem, y: Array, objective: float, status: str) -> SparseStep:
+    n_x, first_slack = p.n_nodes * p.n_states, p.width + 1
+    first_limit = first_slack + len(p.target)
     return SparseStep(
         states=y[:n_x].reshape(p.n_nodes, p.n_states),
         controls=y[n_x : p.width - 1].reshape(p.n_nodes, p.n_controls),
         final=float(y[p.width - 1]),
-        relaxation=float(y[first[1]]) if relaxed else 1.0,
-        target_slack=np.maximum(y[first[2] : first[3]], 0.0),
-        limit_slack=np.maximum(y[first[3] : first[4]], 0.0),
-        objective=float(solution.obj_val),
-        status=str(solution.status),
+        relaxation=float(y[p.width]),
+        target_slack=np.maximum(y[first_slack:first_limit], 0.0),
+        limit_slack=np.maximum(y[first_limit : first_limit + p.n_limits], 0.0),
+        objective=objective,
+        status=status,
     )
 
 
@@ -212,6 +174,67 @@ def _pick(index: NDArray[np.intp], columns: int) -> sparse.csr_array:
     """Rows of the identity."""
     count = len(index)
     return sparse.csr_array((np.ones(count), (np.arange(count), index)), shape=(count, columns))
+
+
+def _equalities(p: SparseSubproblem) -> tuple[sparse.csr_array, Array]:
+    rows = [p.dynamics, _pick(p.fixed, p.width)]
+    right = [-p.residual, p.fixed_change]
+    others = 1 + len(p.target) + p.n_limits + p.n_absolute
+    matrix = sparse.hstack(
+        [sparse.vstack(rows), sparse.csr_array((len(p.residual) + len(p.fixed), others))]
+    )
+    if p.trust_price is None:
+        matrix = sparse.vstack([matrix, _pick(np.array([p.width]), p.width + others)])
+        right.append(np.ones(1))
+    return sparse.csr_array(matrix), np.concatenate(right)
+
+
+def _inequalities(p: SparseSubproblem) -> tuple[sparse.csr_array, Array]:
+    last = (p.n_nodes - 1) * p.n_states
+    final = _pick(np.array([last + t.state for t in p.target], dtype=np.intp), p.width)
+    above = np.flatnonzero(np.isfinite(p.upper))
+    below = np.flatnonzero(np.isfinite(p.lower))
+    trusted = _pick(p.trust_rows, p.width)
+    radius = np.tile(p.trust_radius, p.n_nodes)[p.trust_rows]
+    column = sparse.csr_array(-radius[:, None])
+    m, slacks = len(p.limit_room), len(p.target)
+    kinds = sparse.csr_array((-np.ones(m), (np.arange(m), p.limit_kind)), shape=(m, p.n_limits))
+    terms = sparse.vstack([sparse.csr_array((0, p.width)), *(t.rows for t in p.absolute)])
+    offset = np.concatenate([[], *(t.offset for t in p.absolute)])
+    no = -sparse.eye_array(p.n_absolute)
+    elastic, one, every = (
+        -sparse.eye_array(slacks),
+        -sparse.eye_array(1),
+        -sparse.eye_array(p.n_limits),
+    )
+    blocks: list[list[sparse.sparray | None]] = [
+        [final, None, elastic, None, None],
+        [-final, None, elastic, None, None],
+        [_pick(above, p.width), None, None, None, None],
+        [-_pick(below, p.width), None, None, None, None],
+        [trusted, column, None, None, None],
+        [-trusted, column, None, None, None],
+        [p.limit_rows, None, None, kinds, None],
+        [terms, None, None, None, no],
+        [-terms, None, None, None, no],
+        [None, one, None, None, None],
+        [None, None, elastic, None, None],
+        [None, None, None, every, None],
+    ]
+    right = np.concatenate(
+        [
+            [t.upper for t in p.target],
+            [-t.lower for t in p.target],
+            p.upper[above],
+            -p.lower[below],
+            np.zeros(2 * len(radius)),
+            p.limit_room,
+            -offset,
+            offset,
+            np.zeros(1 + slacks + p.n_limits),
+        ]
+    )
+    return sparse.csr_array(sparse.block_array(blocks)), right
 
 
 def _control_cones(p: SparseSubproblem, columns: int) -> tuple[sparse.csr_array, Array]:
@@ -223,5 +246,4 @@ def _control_cones(p: SparseSubproblem, columns: int) -> tuple[sparse.csr_array,
     column = np.concatenate([start + 2 * node, start + 2 * node + 1])
     shape = (3 * p.n_nodes, columns)
     rows = sparse.csr_array((-np.ones(2 * p.n_nodes), (row, column)), shape=shape)
-    right = np.column_stack([np.ones(p.n_nodes), p.control]).ravel()
-    return rows, right
+    return rows, np.column_stack([np.ones(p.n_nodes), p.control]).ravel()

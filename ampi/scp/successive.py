@@ -67,7 +67,8 @@ class SubproblemRecord:
 
     iteration: int
     nodes: int
-    cost: float  # of the linearised problem, scaled
+    cost: float  # objective of the nonlinear problem, scaled
+    quadratic_penalty: float  # ρ
     relaxation: float  # η
     final: float  # s or the final energy
     change: tuple[float, ...]  # greatest change of every state, SI or rad
@@ -91,10 +92,15 @@ class Linearised:
     cost_scale: float  # scaled cost per unit of the mission's cost
     frozen_time: bool = False  # ∫ dτ instead of ∫ dt in the cost: Zhou 2021, Eq. (34)
     final_bounds: tuple[float, float] = (-np.inf, np.inf)
-    proximal: float = 0.0  # quadratic penalty on |x − x_k|² / Δ², Liu 2024
+    limit_margin: float = 0.0  # limits are held to 1 − margin
 
-    def subproblem(self, rule: Collocation, at: Iterate) -> SparseSubproblem:
-        """Eq. (1) of `sparse_subproblem` about an iterate."""
+    def subproblem(
+        self, rule: Collocation, at: Iterate, quadratic_penalty: float = 0.0
+    ) -> SparseSubproblem:
+        """Eq. (1) of `sparse_subproblem` about an iterate.
+
+        `quadratic_penalty` ρ adds ρ mean_i Σ (δx_i / Δ)² to the cost.
+        """
         form, x, u = self.formulation, at.states, at.controls
         lin = form.linearise(at.mesh, x, u, at.final)
         n, n_x, n_u = rule.n_nodes, form.n_states, form.n_controls
@@ -114,9 +120,8 @@ class Linearised:
                 target.append(TargetRow(held.state, held.lower - here, held.upper - here, price))
         limit_rows, room, kind = _limits(lin, rule, form.final_scale)
         gradient, curvature, absolute = self._cost(lin, rule, at)
-        if self.proximal > 0.0:
-            held_by = np.where(np.isfinite(radius), self.proximal / radius**2, 0.0)
-            curvature[: n * n_x] += np.tile(2.0 * held_by / n, n)
+        if quadratic_penalty > 0.0:
+            curvature[: n * n_x] += np.tile(2.0 * quadratic_penalty / n / radius**2, n)
         return SparseSubproblem(
             n_nodes=n,
             n_states=n_x,
@@ -131,7 +136,7 @@ class Linearised:
             trust_radius=radius,
             trust_price=self.trust_region.price,
             limit_rows=limit_rows,
-            limit_room=room,
+            limit_room=room - self.limit_margin,
             limit_kind=kind,
             n_limits=lin.limits.shape[1],
             limit_price=self.prices.limits,
@@ -140,6 +145,18 @@ class Linearised:
             absolute=absolute,
             control=u if form.control_cone else None,
         )
+
+    def cost(self, rule: Collocation, at: Iterate) -> float:
+        """The objective of the nonlinear problem at an iterate, scaled."""
+        form = self.formulation
+        lin = form.linearise(at.mesh, at.states, at.controls, at.final)
+        scale = self.cost_scale / (at.final if self.frozen_time else 1.0)
+        total = form.final_cost * at.final if form.final_is_free else 0.0
+        for k, term in enumerate(form.terms):
+            value = lin.integrands[:, k]
+            value = np.abs(value) if term.kind is TermKind.ABSOLUTE else value
+            total += term.weight * float(rule.weights(at.final) @ value)
+        return scale * total
 
     def _bounds(self, at: Iterate, width: int) -> tuple[Array, Array]:
         form, n = self.formulation, len(at.states)
@@ -269,6 +286,30 @@ class GlobalErrorChange:
         return bool(np.all(np.abs(change) <= np.array(self.tolerance)))
 
 
+@dataclass(frozen=True, kw_only=True)
+class VariableQuadraticPenalty:
+    """A proximal term that comes and goes: Liu et al. 2024, Section 4.3 (its rule is our reading).
+
+    A linearised problem with a fixed trust region may jump between two flights for ever. The sign of
+    that is an objective that goes up and down by steps that do not shrink: then ρ appears, and grows
+    while it goes on. As soon as the objective is steady ρ falls again, for it slows convergence.
+    """
+
+    first: float = 0.05  # ρ when it appears, in units of the scaled cost
+    grow: float = 4.0
+    shrink: float = 0.5
+    settled: float = 0.7  # |ΔJ| must fall below this share of the last one to count as shrinking
+
+    def update(self, penalty: float, costs: list[float]) -> float:
+        """ρ of the next subproblem from the objectives so far."""
+        if len(costs) < 3:
+            return penalty
+        now, before = costs[-1] - costs[-2], costs[-2] - costs[-3]
+        if now * before < 0.0 and abs(now) > self.settled * abs(before):
+            return max(self.first, self.grow * penalty)
+        return self.shrink * penalty if penalty > 0.01 * self.first else 0.0
+
+
 Convergence = StateChange | GlobalErrorChange
 Adaptation = Callable[[Formulation, Iterate], Iterate]
 EndError = Callable[[Formulation, Iterate], Array]
@@ -282,6 +323,7 @@ class Successive:
     transcribe: Callable[[Mesh], Collocation]
     convergence: Convergence
     max_iterations: int
+    penalty: VariableQuadraticPenalty | None = None
     adapt: Adaptation | None = None
     end_error: EndError | None = None
     solver: Solver = solve_sparse_subproblem
@@ -290,10 +332,10 @@ class Successive:
         """Iterate from `start` until convergence, the iteration limit or an unusable step."""
         form, at, log = self.linearised.formulation, start, list[SubproblemRecord]()
         rule = self.transcribe(at.mesh)
-        status = "iteration limit"
+        status, quadratic = "iteration limit", 0.0
+        costs = [self.linearised.cost(rule, at)]
         for iteration in range(1, self.max_iterations + 1):
-            clock = time.perf_counter()
-            problem = self.linearised.subproblem(rule, at)
+            problem = self.linearised.subproblem(rule, at, quadratic)
             built = time.perf_counter()
             step = self.solver(problem)
             seconds = time.perf_counter() - built
@@ -306,13 +348,15 @@ class Successive:
                 at.controls + step.controls,
                 at.final + step.final * form.final_scale,
             )
+            costs.append(self.linearised.cost(rule, at))
             error = () if self.end_error is None else tuple(self.end_error(form, at))
             change = np.abs(step.states).max(axis=0) * form.state_scale
             log.append(
                 SubproblemRecord(
                     iteration=iteration,
                     nodes=at.mesh.n_nodes,
-                    cost=step.objective,
+                    cost=costs[-1],
+                    quadratic_penalty=quadratic,
                     relaxation=step.relaxation,
                     final=at.final,
                     change=tuple(change),
@@ -326,6 +370,8 @@ class Successive:
             if self.convergence.reached(log):
                 status = "converged"
                 break
+            if self.penalty is not None:
+                quadratic = self.penalty.update(quadratic, costs)
             if self.adapt is not None and iteration < self.max_iterations:
                 adapted = self.adapt(form, at)
                 if adapted is not at:

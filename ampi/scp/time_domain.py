@@ -19,6 +19,7 @@ from ampi.physics.equations_of_motion import equations_of_motion
 from ampi.physics.path_constraints import PATH_CONSTRAINTS, path_constraints
 from ampi.physics.vehicle import air_loads
 from ampi.pseudospectral.mesh import Mesh
+from ampi.scp.coast import Coast
 from ampi.scp.formulation import (
     FinalState,
     Linearisation,
@@ -39,9 +40,10 @@ DEGREE = float(np.pi / 180.0)
 
 @dataclass(frozen=True, eq=False)
 class TimeDomain:
-    """`Formulation` over time."""
+    """`Formulation` over time, from the end of `coast` where there is one."""
 
     mission: Mission
+    coast: Coast | None
     terms: tuple[Term, ...]
     functions: TracedFunctions
     limit_names: tuple[str, ...]
@@ -53,17 +55,18 @@ class TimeDomain:
     control_cone: bool = False
 
     @classmethod
-    def from_mission(cls, mission: Mission) -> TimeDomain:
+    def from_mission(cls, mission: Mission, coast: Coast | None = None) -> TimeDomain:
         """Trace a mission's problem."""
         names = [*PATH_CONSTRAINTS, *no_fly_zone_names(mission)]
         if mission.limits.drag_floor is not None:
             names.append("drag_floor")
-        return cls(mission, _terms(mission), _traced(mission), tuple(names))
+        return cls(mission, coast, _terms(mission), _traced(mission), tuple(names))
 
     @property
     def entry(self) -> Array:
-        """Entry state; the bank angle there is free."""
-        return np.append(self.mission.entry_state, np.nan) / self.state_scale
+        """Entry state or handover; the bank angle there is free."""
+        start = self.mission.entry_state if self.coast is None else self.coast.handover
+        return np.append(start, np.nan) / self.state_scale
 
     @property
     def target(self) -> tuple[FinalState, ...]:
@@ -104,9 +107,13 @@ class TimeDomain:
         """See `Formulation`."""
         return self.functions.rates(x, u, s)
 
+    def limits(self, x: Array, u: Array, s: Array) -> Array:
+        """See `Formulation`."""
+        return self.functions.limits(x, u, s)
+
     def trajectory(self, mesh: Mesh, x: Array, u: Array, final: float) -> Trajectory:
         """See `Formulation`."""
-        return Trajectory(
+        flight = Trajectory(
             mesh=mesh,
             states=(x * self.state_scale).T.copy(),
             bank_rate=u[:, 0] * self.mission.limits.bank_rate,
@@ -114,6 +121,7 @@ class TimeDomain:
             cost=np.nan,
             status=Status.ITERATION_LIMIT,
         )
+        return flight if self.coast is None else self.coast.before(flight)
 
 
 def _terms(mission: Mission) -> tuple[Term, ...]:
@@ -176,5 +184,5 @@ class _Holder:
 
 
 def _traced(mission: Mission) -> TracedFunctions:
-    derived = mission.model_dump_json(exclude={"toml", "entry", "mesh", "grid", "guess", "target"})
+    derived = mission.model_dump_json(exclude={"toml", "entry", "mesh", "grid", "guess"})
     return _trace(derived, _Holder(mission))
