@@ -71,7 +71,7 @@ class Statistics:
     iterations: int = 0
     solve_seconds: float = 0.0
     subproblem_seconds: float = 0.0
-    limit_excess: tuple[float, float, float] = (0.0, 0.0, 0.0)  # relative, per path constraint
+    limit_excess: tuple[float, ...] = (0.0, 0.0, 0.0)  # relative, per path limit
     log: tuple[IterationRecord, ...] = field(default=(), repr=False)
 
 

@@ -10,9 +10,15 @@ With A = [Y N] orthogonal, N spanning the tangent space, and H̃ = AᵀHA:
 
     H̃_NN ← eigenvalues |·| clipped at δ,                                       (1)
     H̃_YY ← H̃_YY + t I,  t = max(0, δ − λ_min(H̃_YY − H̃_YN H̃_NN⁻¹ H̃_NY)).      (2)
+
+Where the objective has no effort, true curvatures lie far below any δ that is safe far from a solution,
+and the iteration becomes a gradient descent. That shows in the reduction: along a direction without
+curvature it is twice what a model with δ predicts. There `CurvatureFloor` lowers δ.
 """
 
 from __future__ import annotations
+
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +26,25 @@ from scipy.linalg import eigh
 from scipy.linalg.lapack import dpotrf
 
 Array = NDArray[np.float64]
+
+
+@dataclass
+class CurvatureFloor:
+    """δ over one run, relative: lowered when it hides the true curvature, raised when steps fail."""
+
+    greatest: float
+    value: float
+    least: float = 1e-7
+    factor: float = 4.0
+    lower_above: float = 1.5  # of actual over predicted reduction
+    raise_below: float = 0.25
+
+    def update(self, ratio: float, *, accepted: bool) -> None:
+        """After a step that achieved `ratio`."""
+        if accepted and ratio > self.lower_above:
+            self.value = max(self.value / self.factor, self.least)
+        elif ratio < self.raise_below:
+            self.value = min(self.value * self.factor, self.greatest)
 
 
 def convexify_on_tangent(hessian: Array, target_map: Array, floor: float) -> Array:
@@ -34,7 +59,7 @@ def convexify_on_tangent(hessian: Array, target_map: Array, floor: float) -> Arr
     floor
         δ > 0, least eigenvalue.
     """
-    m = len(target_map)
+    m = min(len(target_map), len(hessian))
     basis = np.linalg.qr(target_map.T, mode="complete")[0] if m else np.eye(len(hessian))
     rotated = basis.T @ hessian @ basis
     tangent = 0.5 * (rotated[m:, m:] + rotated[m:, m:].T)
