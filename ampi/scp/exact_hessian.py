@@ -177,17 +177,33 @@ class ExactHessianIteration:
             self.multipliers = replace(
                 self.multipliers, target=2.0 * problem.target.weight * error
             )
-        everything = np.ones(len(problem.target), dtype=bool)
-        condensed, convex = self.model(point, everything if known else None)
         final_time = point.iterate.final_time
         curvature = reference_curvature(self.flight, final_time)
+        everything = np.ones(len(problem.target), dtype=bool)
+        condensed, convex = self.model(point, everything if known else None)
         self.weights.start(
             convex.target_map[:, : len(curvature)],
             curvature,
             problem.reference_cost(final_time),
             self.multipliers.target,
         )
-        return condensed, convex
+        if neighbour is None or known:
+            return condensed, convex
+        self.estimate_multipliers(convex)
+        return self.model(point, self.met())
+
+    def estimate_multipliers(self, convex: ConvexSubproblem) -> None:
+        """Near an optimum: those of a short step in the Gauss–Newton model, which is not taken."""
+        short = with_merit(
+            convex,
+            radius=self.settings.trust_region.estimate,
+            price=self.weights.price,
+            penalty=self.weights.penalty,
+        )
+        step = solve_subproblem(short)
+        if step.usable:
+            self.multipliers = Multipliers.of(step, short)
+            self.weights.relieve(self.multipliers.target, self.multipliers.limits)
 
     def model(
         self, point: Point, met: NDArray[np.bool_] | None

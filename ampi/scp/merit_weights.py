@@ -85,11 +85,16 @@ class MeritWeights:
             self.price = np.where(relieved, self._first, self.price)
             self._least = np.where(relieved, self._first, self._least)
         elif self._settled >= self.relief.after:
-            r = self.relief.multiple
-            enough = np.maximum(r * np.abs(multiplier), self._least)
-            self.price = np.minimum(self.price, enough)
-            used = r * float(limits.sum(axis=0).max())
-            self.penalty = min(self.penalty, max(used, self._least_penalty))
+            self.relieve(multiplier, limits)
+
+    def relieve(self, multiplier: Array, limits: Array) -> None:
+        """Bring ν and ρ down to a multiple of known multipliers, where nothing is bought off."""
+        if self.bought_off(multiplier).any():
+            return
+        r = self.relief.multiple
+        self.price = np.minimum(self.price, np.maximum(r * np.abs(multiplier), self._least))
+        used = r * float(limits.sum(axis=0).max())
+        self.penalty = min(self.penalty, max(used, self._least_penalty))
 
     def grow(self, multiplier: Array, excess: Array) -> bool:
         """At convergence: raise what is still open; False when nothing is, or may be raised."""
