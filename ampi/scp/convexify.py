@@ -2,14 +2,15 @@
 
 Near a solution the target is met (no elastic component), and what must be positive definite is the
 Hessian on the tangent space C z = 0 of the target. There `convexify_on_tangent` clips eigenvalues on
-that space only, and adds a multiple of the identity on its complement, where the target itself
-decides the step. The full-space Hessian of a nonlinear target is often indefinite even at a strict
+that space only, and adds the least that makes the whole convex on its complement, where the target
+itself decides the step. A multiple of the identity there was tried: it damps all directions like the worst
+one, so that a target or a kink about to give way does not, and the iteration stops short of an optimum. The full-space Hessian of a nonlinear target is often indefinite even at a strict
 minimum; clipping it there was tried, and turns quadratic into linear convergence.
 
 With A = [Y N] orthogonal, N spanning the tangent space, and H̃ = AᵀHA:
 
     H̃_NN ← eigenvalues |·| clipped at δ,                                       (1)
-    H̃_YY ← H̃_YY + t I,  t = max(0, δ − λ_min(H̃_YY − H̃_YN H̃_NN⁻¹ H̃_NY)).      (2)
+    H̃_YY ← H̃_YY + T,  S + T with eigenvalues clipped at δ,  S = H̃_YY − H̃_YN H̃_NN⁻¹ H̃_NY. (2)
 
 Where the objective has no effort, true curvatures lie far below any δ that is safe far from a solution,
 and the iteration becomes a gradient descent. That shows in the reduction: along a direction without
@@ -71,7 +72,7 @@ def convexify_on_tangent(hessian: Array, target_map: Array, floor: float) -> Arr
         return np.asarray(0.5 * (rotated + rotated.T))
     cross = rotated[:m, m:]
     complement = rotated[:m, :m] - cross @ np.linalg.solve(tangent, cross.T)
-    least = float(np.linalg.eigvalsh(0.5 * (complement + complement.T))[0])
-    rotated[np.arange(m), np.arange(m)] += max(0.0, floor - least)
+    values, vectors = eigh(0.5 * (complement + complement.T), driver="evd")
+    rotated[:m, :m] += (vectors * np.maximum(floor - values, 0.0)) @ vectors.T
     convex = basis @ rotated @ basis.T
     return np.asarray(0.5 * (convex + convex.T))

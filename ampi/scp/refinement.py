@@ -8,7 +8,7 @@ its collocated start under its bank-angle polynomial, and the limits are read be
 Where r_s ≤ 1 everywhere the mesh will do. Elsewhere (Patterson, Hager & Rao 2015, Eqs. 27, 31) a segment
 of degree N would reach the tolerance, were its error to fall by the factor N per degree, with
 
-    N' = N + ⌈ln r_s / ln N⌉;                                                        (2)
+    N' = N + max(2, ⌈ln r_s / ln N⌉);                                                (2)
 
 it gets that degree while N' ≤ `greatest_degree`, and else is cut into ⌈N' / least_degree⌉ equal parts, at
 most `most_parts`, of degree `least_degree`. The next solve starts from the last solution.
@@ -27,6 +27,7 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -42,14 +43,14 @@ from ampi.trajectory import RefinementRound, Status, Trajectory
 Array = NDArray[np.float64]
 
 STATE_SCALE = np.array([1e4, 1.0, 1.0, 1e3, 1.0, 1.0])  # m, rad, m/s
-SolveOn = Callable[[Mission, Trajectory | None], Trajectory]
+SolveOn = Callable[[Mission, Any], Trajectory]
 
 
 @dataclass(frozen=True, kw_only=True)
 class RefinementSettings:
     """What is asked for, how meshes grow, and the caps after which refinement gives up."""
 
-    tolerance: float = 1e-6  # of a segment's states, over 10 km, 1 rad, 1 km/s
+    tolerance: float = 1e-5  # of a segment's states, over 10 km, 1 rad, 1 km/s
     limit_tolerance: float = 1e-4  # relative excess of a limit between the nodes
     points: int = 24  # per segment, where the limits are read
     least_degree: int = 4
@@ -151,7 +152,7 @@ def _parts(degree: int, ratio: float, settings: RefinementSettings) -> list[int]
         return [degree]
     raised = settings.greatest_degree + settings.least_degree
     if np.isfinite(ratio):
-        raised = degree + max(1, int(np.ceil(np.log(ratio) / np.log(max(degree, 2)))))
+        raised = degree + max(2, int(np.ceil(np.log(ratio) / np.log(max(degree, 2)))))
     if raised <= settings.greatest_degree:
         return [raised]
     parts = int(np.ceil(raised / settings.least_degree))
@@ -163,7 +164,7 @@ def refine(
     mission: Mission,
     solve_on: SolveOn,
     *,
-    guess: Trajectory | None = None,
+    guess: Any = None,
     settings: RefinementSettings | None = None,
 ) -> Trajectory:
     """Solve on the mission's mesh, and on finer ones until Eq. (1) holds or a cap is reached.
