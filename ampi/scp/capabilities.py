@@ -47,7 +47,9 @@ def asked_for(mission: Mission) -> tuple[list[str], list[str]]:
     }
     terms = {name: getattr(objective, name) != 0.0 for name in TERMS}
     terms["target weights"] = getattr(objective, TARGET_WEIGHTS[0]) is not None
-    return [n for n, asked in constraints.items() if asked], [n for n, asked in terms.items() if asked]
+    return [n for n, asked in constraints.items() if asked], [
+        n for n, asked in terms.items() if asked
+    ]
 
 
 CONDENSED = Capabilities(
@@ -82,7 +84,9 @@ def check(mission: Mission, method: str, methods: Mapping[str, Capabilities] = M
             if name in getattr(methods[method], kind):
                 continue
             able = [other for other, known in methods.items() if name in getattr(known, kind)]
-            whose = f"{', '.join(able)} know{'s' if len(able) == 1 else ''} it" if able else "none does"
+            whose = (
+                f"{', '.join(able)} know{'s' if len(able) == 1 else ''} it" if able else "none does"
+            )
             raise MethodError(
                 f"{name}: asked for by mission {mission.name}, not known to method {method!r} "
                 f"({whose}); choose another method or remove it from the mission"

@@ -3,9 +3,10 @@
 Near a solution the target is met (no elastic component), and what must be positive definite is the
 Hessian on the tangent space C z = 0 of the target. There `convexify_on_tangent` clips eigenvalues on
 that space only, and adds the least that makes the whole convex on its complement, where the target
-itself decides the step. A multiple of the identity there was tried: it damps all directions like the worst
-one, so that a target or a kink about to give way does not, and the iteration stops short of an optimum. The full-space Hessian of a nonlinear target is often indefinite even at a strict
-minimum; clipping it there was tried, and turns quadratic into linear convergence.
+itself decides the step. A multiple of the identity there was tried: it damps all directions like the
+worst one, and where many kinks are held the iteration stops short of an optimum. The full-space Hessian
+of a nonlinear target is often indefinite even at a strict minimum; clipping it there was tried, and
+turns quadratic into linear convergence.
 
 With A = [Y N] orthogonal, N spanning the tangent space, and H̃ = AᵀHA:
 

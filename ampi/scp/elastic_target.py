@@ -52,7 +52,9 @@ class ElasticSettings:
     bounded_price: float = 0.6  # of rows with bounds: Eq. (3) is for all rows at once, and too dear
     growth: float = 100.0
     growths: int = 1  # at convergence: then the target is met, or out of reach
-    settled: int = 8  # accepted steps with the same elastic rows, some weighted: then Newton's model
+    settled: int = (
+        8  # accepted steps with the same elastic rows, some weighted: then Newton's model
+    )
 
 
 def reference_price(terminal_map: Array, effort_curvature: Array, reference_effort: float) -> Array:

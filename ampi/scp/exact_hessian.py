@@ -174,9 +174,7 @@ class ExactHessianIteration:
         if neighbour is not None and known:  # its terminal errors are its multipliers, λ = 2 w e
             scale = np.array(problem.scaling.states)
             error = problem.target.error(neighbour.states[-1] / scale)
-            self.multipliers = replace(
-                self.multipliers, target=2.0 * problem.target.weight * error
-            )
+            self.multipliers = replace(self.multipliers, target=2.0 * problem.target.weight * error)
         final_time = point.iterate.final_time
         curvature = reference_curvature(self.flight, final_time)
         everything = np.ones(len(problem.target), dtype=bool)

@@ -56,17 +56,20 @@ def constant_bank_guess(mission: Mission, guess: ConstantBank) -> NodalGuess | N
         return None
     mesh = mission.pseudospectral_mesh
     nodal = _sampled(times, states, mesh.times(final_time))
-    rate = _collocated_rate(mesh, nodal[:, 6], final_time)
+    rate = np.zeros(mesh.n_nodes)
+    if guess.heading_corridor is not None:
+        rate = _collocated_rate(mesh, nodal[:, 6], final_time)
     return NodalGuess(nodal, rate, final_time)
 
 
 def _fly(
     mission: Mission, guess: ConstantBank
-) -> tuple[list[float], list[Callable[[Array], Array]] | None]:
+) -> tuple[list[float], list[Callable[[float], Array]] | None]:
     """Times at which the legs between reversals end, and each leg; no legs if it never slows down."""
     model, target = mission.flight_model, mission.target
     state = np.append(mission.entry_state, guess.bank_angle)
-    command, times, legs = guess.bank_angle, [0.0], []
+    command, times = guess.bank_angle, [0.0]
+    legs: list[Callable[[float], Array]] = []
 
     def rates(t: float, x: Array) -> Array:
         roll = (command - x[6]) / ROLL_TIME
@@ -86,7 +89,9 @@ def _fly(
 
     slow.terminal = ground.terminal = leaves_corridor.terminal = True  # type: ignore[attr-defined]
     leaves_corridor.direction = 1.0  # type: ignore[attr-defined]
-    events = [slow, ground] + ([leaves_corridor] if guess.heading_corridor is not None else [])
+    events: list[Callable[[float, Array], float]] = [slow, ground]
+    if guess.heading_corridor is not None:
+        events.append(leaves_corridor)
     while times[-1] < LONGEST_FLIGHT:
         span = (times[-1], LONGEST_FLIGHT)
         leg = solve_ivp(rates, span, state, events=events, rtol=1e-7, atol=1e-9, dense_output=True)
@@ -94,7 +99,7 @@ def _fly(
             return times, None
         times.append(float(leg.t[-1]))
         legs.append(leg.sol)
-        if len(leg.t_events[0]) or len(leg.t_events[1]):
+        if leg.t_events is None or len(leg.t_events[-1]) == 0 or len(events) == 2:
             return times, legs
         state, command = leg.y[:, -1], -command
     return times, None
@@ -109,7 +114,7 @@ def _collocated_rate(mesh: Mesh, bank: Array, final_time: float) -> Array:
     return rate
 
 
-def _sampled(ends: list[float], legs: list[Callable[[Array], Array]], times: Array) -> Array:
+def _sampled(ends: list[float], legs: list[Callable[[float], Array]], times: Array) -> Array:
     """States (n, 7) at `times` (n,), each from the leg it lies in."""
     index = np.clip(np.searchsorted(ends, times, side="left") - 1, 0, len(legs) - 1)
     return np.stack([legs[k](float(t)) for k, t in zip(index, times, strict=True)])

@@ -32,7 +32,9 @@ class NodeFunctions:
     """Limits (SI) and integrands of one mission; hashable, so that traces are shared."""
 
     limits: tuple[float, float, float] = (1.0, 1.0, 1.0)  # Pa, W/m², g
-    drag_floor: tuple[float, float] | None = None  # m/s², where the speed (m/s) is at most the second
+    drag_floor: tuple[float, float] | None = (
+        None  # m/s², where the speed (m/s) is at most the second
+    )
     no_fly_zones: tuple[tuple[float, float, float], ...] = ()  # θ_c, φ_c, radius / R₀ (rad)
     heat_load: float = 0.0  # weight of ∫ Q̇ dt, per J/m²
     ground_range: float = 0.0  # weight of ∫ V cos γ R₀/r dt, per m

@@ -9,7 +9,6 @@ limit, as all terms together are on a flight of typical duration. So one unit of
 dimensionless, with or without an effort in the objective.
 """
 
-
 from __future__ import annotations
 
 from dataclasses import dataclass

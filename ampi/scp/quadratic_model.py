@@ -61,9 +61,7 @@ class Multipliers:
         """Spread the subproblem's multipliers over the nodes."""
         limits = np.zeros((len(convex.rate), convex.n_limits))
         limits[convex.path_node, convex.path_kind] = step.path_multiplier
-        return cls(
-            step.target_multiplier, limits, step.bank_multiplier, step.absolute_multiplier
-        )
+        return cls(step.target_multiplier, limits, step.bank_multiplier, step.absolute_multiplier)
 
 
 def quadratic_subproblem(

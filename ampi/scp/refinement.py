@@ -10,8 +10,9 @@ of degree N would reach the tolerance, were its error to fall by the factor N pe
 
     N' = N + max(2, ⌈ln r_s / ln N⌉);                                                (2)
 
-it gets that degree while N' ≤ `greatest_degree`, and else is cut into ⌈N' / least_degree⌉ equal parts, at
-most `most_parts`, of degree `least_degree`. The next solve starts from the last solution.
+it gets that degree while N' ≤ `greatest_degree`, and else is cut into ⌈N' / least_degree⌉ equal parts,
+at most `most_parts`, of half its degree, at least `least_degree`. The next solve starts from the last
+solution.
 
 The estimate, the mesh and the caps know no solver: `refine` calls any `solve_on(mission, guess)`.
 
@@ -81,9 +82,7 @@ class MeshError:
 
     def ratio(self, settings: RefinementSettings) -> Array:
         """r of Eq. (1)."""
-        return np.maximum(
-            self.state / settings.tolerance, self.excess / settings.limit_tolerance
-        )
+        return np.maximum(self.state / settings.tolerance, self.excess / settings.limit_tolerance)
 
 
 def mesh_error(mission: Mission, trajectory: Trajectory, settings: RefinementSettings) -> MeshError:
@@ -111,7 +110,9 @@ def _segment_error(
 
     def rates(at: float, x: Array) -> Array:
         state = [*x, bank(np.array([at]))[0]]
-        return half * np.array(equations_of_motion(model, state, 0.0, start + half * (1.0 + at))[:6])
+        return half * np.array(
+            equations_of_motion(model, state, 0.0, start + half * (1.0 + at))[:6]
+        )
 
     flown = solve_ivp(
         rates,

@@ -38,6 +38,7 @@ Array = NDArray[np.float64]
 
 USABLE = ("Solved", "AlmostSolved", "InsufficientProgress")
 
+
 @dataclass(frozen=True, eq=False)
 class ConvexSubproblem:
     """Data of Eq. (1): n_z free variables, t target rows, n nodes, k absolute values, m path rows."""

@@ -164,7 +164,9 @@ def nlp(
             ]
         ),
         lbx=np.concatenate([low.ravel(), -np.ones(n - 1), np.zeros(2 + 2 * (n - 1))]),
-        ubx=np.concatenate([high.ravel(), np.ones(n - 1), [np.inf, most], np.full(2 * n - 2, np.inf)]),
+        ubx=np.concatenate(
+            [high.ravel(), np.ones(n - 1), [np.inf, most], np.full(2 * n - 2, np.inf)]
+        ),
         lbg=np.concatenate([equations, [-1.0], np.full(paths, -np.inf), np.zeros(4 * (n - 1))]),
         ubg=np.concatenate([equations, [1.0], np.ones(paths), np.full(4 * (n - 1), np.inf)]),
     )
