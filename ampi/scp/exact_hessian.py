@@ -14,7 +14,8 @@ beside the stiff terminal cost it crawls.
     until the step is small
 
 The second-order correction (Nocedal & Wright 2006, Section 18.3) is what lets long steps along the
-curved set of controls that reach the target pass the merit test.
+curved set of controls that reach the target pass the merit test. Where the target is to be met exactly
+it is repeated while it pays; where it is soft, one is enough, and more were seen to jump between branches.
 """
 
 from __future__ import annotations
@@ -52,7 +53,8 @@ Array = NDArray[np.float64]
 class SolverSettings:
     """All numbers that steer the method; none depends on the mission."""
 
-    max_iterations: int = 200
+    max_iterations: int = 300
+    corrections: int = 3  # second-order, per step; one where the whole target is soft
     patience: int = 40  # iterations given to a raised price or penalty before it counts as vain
     trust_region: TrustRegionSettings = field(default_factory=TrustRegionSettings)
     elastic: ElasticSettings = field(default_factory=ElasticSettings)
@@ -222,7 +224,7 @@ class ExactHessianIteration:
         self, point: Point, condensed: CondensedDynamics, convex: ConvexSubproblem
     ) -> tuple[_Candidate, float, float]:
         """Best of the convex step and its second-order correction; step size; reduction ratio."""
-        first = self.candidate(point, condensed, convex)
+        best = first = self.candidate(point, condensed, convex)
         if not first.step.usable:
             return first, np.inf, -1.0
         z = first.step.z
@@ -237,14 +239,18 @@ class ExactHessianIteration:
             + elastic_cost(error, self.problem.target, self.weights.price)
             + self.weights.penalty * float(first.step.slack.sum())
         )
-        best = first
-        worth_correcting = first.reduction < 0.9 * predicted
-        if first.point is not None and worth_correcting and size > self.settings.convergence.step:
-            there = first.point
-            shifted = convex.corrected(z, there.target_error, there.path, there.cost.value)
+        soft = bool(np.all(self.problem.target.weight > 0.0))
+        for _ in range(1 if soft else self.settings.corrections):
+            there = best.point
+            enough = best.reduction > 0.9 * predicted
+            if there is None or enough or size < self.settings.convergence.step:
+                break
+            moved = best.step.z
+            shifted = convex.corrected(moved, there.target_error, there.path, there.cost.value)
             second = self.candidate(point, condensed, shifted)
-            if second.step.usable and second.reduction > first.reduction:
-                best = second
+            if not (second.step.usable and second.reduction > best.reduction):
+                break
+            best = second
         # Near a solution both reductions drown in rounding; such a step is a good one.
         noise = 1e-10 * max(1.0, abs(self.merit(point)))
         if best.point is not None and abs(predicted) < noise and abs(best.reduction) < noise:

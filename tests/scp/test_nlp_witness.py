@@ -34,7 +34,7 @@ IPOPT = {  # limits to the last digit: relaxed by 1e-8, an active one is worth 6
     "max_iter": 500,
     "bound_relax_factor": 0.0,
 }
-NEAR = {"mu_init": 1e-6, "bound_push": 1e-8, "bound_frac": 1e-8, "slack_bound_push": 1e-8}
+NEAR = {"mu_init": 1e-3, "bound_push": 1e-8, "bound_frac": 1e-8, "slack_bound_push": 1e-8}
 GUESS = ConstantBank(np.radians(-30.0))
 
 
