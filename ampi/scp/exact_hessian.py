@@ -15,7 +15,8 @@ beside the stiff terminal cost it crawls.
 
 The second-order correction (Nocedal & Wright 2006, Section 18.3) is what lets long steps along the
 curved set of controls that reach the target pass the merit test. Where the target is to be met exactly
-it is repeated while it pays; where it is soft, one is enough, and more were seen to jump between branches.
+it is repeated while it pays; where it is soft, one is enough, and more were seen to jump between
+branches.
 """
 
 from __future__ import annotations
