@@ -20,8 +20,10 @@ if TYPE_CHECKING:
     from ampi.loading import load_guidance
     from ampi.missions.mission import Mission, load_mission
     from ampi.onboard.reference import Mode, Reference
+    from ampi.scp.capabilities import MethodError
     from ampi.scp.exact_hessian import SolverSettings
     from ampi.scp.guess import ConstantBank
+    from ampi.scp.refinement import RefinementSettings
     from ampi.scp.solve import solve
     from ampi.simulation.dispersions import Dispersions
     from ampi.simulation.monte_carlo import Flights, fly
@@ -33,9 +35,11 @@ _HOME = {
     "Dispersions": "ampi.simulation.dispersions",
     "Flights": "ampi.simulation.monte_carlo",
     "Guidance": "ampi.guidance",
+    "MethodError": "ampi.scp.capabilities",
     "Mission": "ampi.missions.mission",
     "Mode": "ampi.onboard.reference",
     "Reference": "ampi.onboard.reference",
+    "RefinementSettings": "ampi.scp.refinement",
     "SolverSettings": "ampi.scp.exact_hessian",
     "Status": "ampi.trajectory",
     "Trajectory": "ampi.trajectory",
@@ -51,9 +55,11 @@ __all__ = [
     "Dispersions",
     "Flights",
     "Guidance",
+    "MethodError",
     "Mission",
     "Mode",
     "Reference",
+    "RefinementSettings",
     "SolverSettings",
     "Status",
     "Trajectory",

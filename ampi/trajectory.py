@@ -25,6 +25,7 @@ class Status(IntEnum):
     SUBPROBLEM_FAILED = 5
     GUESS_FAILED = 6
     ERROR = 7
+    REFINEMENT_LIMIT = 8
 
     @property
     def sentence(self) -> str:
@@ -45,6 +46,7 @@ _SENTENCES = {
     Status.STALLED: "Stopped: the trust region collapsed without a step that improves the merit.",
     Status.SUBPROBLEM_FAILED: "Stopped: the convex subproblem returned no usable step.",
     Status.GUESS_FAILED: "Not started: the initial guess could not be flown on this mesh.",
+    Status.REFINEMENT_LIMIT: "Converged, but mesh refinement reached a cap before its tolerance.",
     Status.ERROR: "Not solved: the case raised an error; see its log.",
 }
 
@@ -65,14 +67,28 @@ class IterationRecord:
 
 
 @dataclass(frozen=True)
+class RefinementRound:
+    """One mesh of a refinement and what an independent look at its solution found."""
+
+    nodes: int
+    segments: int
+    iterations: int
+    solve_seconds: float
+    cost: float
+    state_error: float  # greatest over the segments, over 10 km, 1 rad, 1 km/s
+    limit_excess: float  # greatest g − 1 between the nodes; negative where all limits are kept
+
+
+@dataclass(frozen=True)
 class Statistics:
     """What a solve cost."""
 
     iterations: int = 0
     solve_seconds: float = 0.0
     subproblem_seconds: float = 0.0
-    limit_excess: tuple[float, float, float] = (0.0, 0.0, 0.0)  # relative, per path constraint
+    limit_excess: tuple[float, ...] = (0.0, 0.0, 0.0)  # relative, per path limit
     log: tuple[IterationRecord, ...] = field(default=(), repr=False)
+    rounds: tuple[RefinementRound, ...] = ()  # of mesh refinement, the first mesh included
 
 
 @dataclass(frozen=True)

@@ -35,6 +35,7 @@ from ampi.physics.equations_of_motion import equations_of_motion
 from ampi.pseudospectral.lagrange import interpolation_matrix
 from ampi.pseudospectral.mesh import Mesh, Segment
 from ampi.scp.derivatives import scaled_dynamics
+from ampi.scp.node_functions import NodeFunctions
 
 Array = NDArray[np.float64]
 
@@ -113,7 +114,7 @@ def _jacobians(
 ) -> tuple[Array, Array]:
     """A (c, k, 7, 7) and times (c, k) at the fine points of a segment."""
     matrix = interpolation_matrix(segment.rule.nodes, segment.rule.barycentric, tau)
-    dynamics = scaled_dynamics(mission.flight_model, (1.0, 1.0, 1.0), (1.0,) * 7, 1.0, len(tau))
+    dynamics = scaled_dynamics(mission.flight_model, NodeFunctions(), (1.0,) * 7, 1.0, len(tau))
     start = segment.start[0] + segment.start[1] * final_time
     half = segment.half_length[0] + segment.half_length[1] * final_time
     times = start[:, None] + half[:, None] * (1.0 + tau)

@@ -86,7 +86,7 @@ def load_record(folder: Path, case: int, mission: Mission) -> CaseRecord | None:
                 status=Status(status),
                 statistics=Statistics(
                     iterations=iterations,
-                    limit_excess=(float(excess[0]), float(excess[1]), float(excess[2])),
+                    limit_excess=tuple(excess.tolist()),
                 ),
             )
             return CaseRecord(case, trajectory, str(data["message"]), solves, seconds)

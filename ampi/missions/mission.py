@@ -284,9 +284,13 @@ class ObjectiveSection(Section):
 
 
 class GuessSection(Section):
-    """Constant bank angle of the first guess. It selects the branch where several optima exist."""
+    """Constant bank angle of the first guess. It selects the branch where several optima exist.
+
+    With a heading corridor its sign turns over where the azimuth leaves bearing ± corridor.
+    """
 
     bank_angle: u.Angle = Field(ge=-np.pi, le=np.pi)
+    heading_corridor: u.Angle | None = Field(default=None, gt=0, lt=np.pi)
 
 
 class PhaseSection(Section):
@@ -420,6 +424,17 @@ class Mission(Section):
             **dict(zip(ENTRY_STATES, values.tolist(), strict=True))
         )
         return super().model_copy(update={"entry": entry})  # the model and the mesh stay
+
+    def with_mesh(self, mesh: Mesh) -> Mission:
+        """The same mission on another pseudospectral mesh."""
+        phases = [
+            PhaseSection.model_construct(end=p.end, degrees=p.degrees, fractions=p.fractions)
+            for p in mesh.phases
+        ]
+        section = MeshSection.model_construct(phase=tuple(phases))
+        copied = super().model_copy(update={"mesh": section})  # the model stays
+        copied.__dict__["pseudospectral_mesh"] = mesh
+        return copied
 
     def model_copy(self, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> Self:
         """A copy with other sections; what is derived from them is derived anew."""

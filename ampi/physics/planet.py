@@ -65,3 +65,13 @@ def great_circle_distance(
         + np.cos(latitude_1) * np.cos(latitude_2) * np.sin(0.5 * (longitude_2 - longitude_1)) ** 2
     )
     return 2.0 * radius * np.arcsin(np.sqrt(half_chord_squared))
+
+
+def bearing(longitude_1: Any, latitude_1: Any, longitude_2: Any, latitude_2: Any) -> Any:
+    """Azimuth (rad; 0 = north, clockwise) at the first point of the great circle to the second."""
+    east = longitude_2 - longitude_1
+    return np.arctan2(
+        np.sin(east) * np.cos(latitude_2),
+        np.cos(latitude_1) * np.sin(latitude_2)
+        - np.sin(latitude_1) * np.cos(latitude_2) * np.cos(east),
+    )

@@ -11,11 +11,11 @@ one dense LU per segment gives the affine map δx = Z z + c of the free variable
 The same factors, transposed and swept backwards, give the multipliers μ of R = 0. With them the
 Hessian of the Lagrangian  L = J + Σ μᵀR + Σ νᵀg  is reduced to z:
 
-    H = Zᵀ ∇²L Z = Σ_i J_iᵀ W_i J_i + r eᵀ + e rᵀ + cost terms,                  (3)
+    H = Zᵀ ∇²L Z = Σ_i J_iᵀ W_i J_i + r eᵀ + e rᵀ + terms in û,                  (3)
 
 J_i = [Z_i; b_i eᵀ] the map of z to (x, t) at node i, e the unit vector of δt_f, W_i the Hessian of
-−h μᵀf + νᵀg over (x, t), and r the coupling of t_f through h(t_f):
-r = −Σ β μᵀ(A δx + B δu + b f_t δt_f).
+−h μᵀf + νᵀg + ωᵀL over (x, t), L the integrands of the cost with multipliers ω, and r the coupling of
+t_f through h(t_f): r = Σ (β/h) [−h μᵀ(A δx + B δu + b f_t δt_f) + ωᵀ(L_x δx + b L_t δt_f)].
 """
 
 from __future__ import annotations
@@ -89,8 +89,8 @@ class CondensedDynamics:
             carried = self.transcription.start_kron[k].T @ solution
         return mu
 
-    def reduced_hessian(self, curvature: Array, mu: Array) -> Array:
-        """The dynamics' and limits' part of Eq. (3); `curvature` is W (n, 8, 8)."""
+    def reduced_hessian(self, curvature: Array, mu: Array, omega: Array, half: Array) -> Array:
+        """Eq. (3); `curvature` is W (n, 8, 8), `omega` (n, k), `half` h (n − 1,)."""
         t, d = self.transcription, self.derivatives
         n, _, n_z = self.state_map.shape
         time_column = n_z - 2
@@ -107,6 +107,11 @@ class CondensedDynamics:
             float(np.sum(weighted * d.time_derivative[1:] * t.node_free[1:, None]))
             * self.final_time_scale
         )
+        if omega.shape[1]:
+            stretch = (t.half_free / half * self.final_time_scale)[:, None] * omega[1:]
+            along = np.einsum("ik,ikj->ij", stretch, d.integrand_jacobian[1:])
+            coupling += along[:, :N_STATES].ravel() @ self.state_map[1:].reshape(-1, n_z)
+            coupling[time_column] += along[:, N_STATES] @ t.node_free[1:] * self.final_time_scale
         hessian[time_column] += coupling
         hessian[:, time_column] += coupling
         return hessian

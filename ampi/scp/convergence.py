@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ampi.scp.problem import OptimalControlProblem
+from ampi.scp.problem import N_STATES, OptimalControlProblem
 from ampi.trajectory import Status
 
 Array = NDArray[np.float64]
@@ -44,7 +44,8 @@ def verdict(
     """
     if np.any(excess > settings.limit_excess):
         return Status.LIMITS_EXCEEDED
-    error = np.abs(problem.target_error(final))
+    error = np.zeros(N_STATES)
+    error[problem.target.state] = np.abs(problem.target.error(final))
     miss = np.hypot(error[1] * np.cos(final[2]), error[2])
     altitude, speed = problem.target_tolerance
     if bought_off or miss > settings.horizontal_miss or error[0] > altitude or error[3] > speed:

@@ -15,24 +15,26 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ampi.physics.equations_of_motion import FlightModel, equations_of_motion
-from ampi.physics.path_constraints import path_constraints
+from ampi.scp.node_functions import NodeFunctions
 
 Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
 class NodeDerivatives:
-    """At every node, in scaled variables: f, g and their derivatives; n nodes."""
+    """At every node, in scaled variables: f, g, L and their derivatives; n nodes, m limits."""
 
     rates: Array  # (n, 7)
     state_jacobian: Array  # (n, 7, 7), ∂f/∂x
     time_derivative: Array  # (n, 7), ∂f/∂t
-    path: Array  # (n, 3), g over its limit
-    path_jacobian: Array  # (n, 3, 8), ∂g/∂(x, t)
+    path: Array  # (n, m), g over its limit
+    path_jacobian: Array  # (n, m, 8), ∂g/∂(x, t)
+    integrand: Array  # (n, k), L of the objective
+    integrand_jacobian: Array  # (n, k, 8), ∂L/∂(x, t)
 
 
 class ScaledDynamics:
-    """f, g and derivatives of scaled states on n nodes, evaluated in one call each.
+    """f, g, L and derivatives of scaled states on n nodes, evaluated in one call each.
 
     The output arrays are overwritten by the next call of the same kind.
     """
@@ -40,24 +42,26 @@ class ScaledDynamics:
     def __init__(
         self,
         model: FlightModel,
-        limits: tuple[float, float, float],
+        functions: NodeFunctions,
         state_scale: tuple[float, ...],
         rate_scale: float,
         n_nodes: int,
     ) -> None:
         x, u, t = ca.SX.sym("x", 7), ca.SX.sym("u"), ca.SX.sym("t")
-        mu, nu = ca.SX.sym("mu", 7), ca.SX.sym("nu", 3)
         scale = ca.DM(list(state_scale))
         physical = x * scale
         previous_mode = ca.GlobalOptions.getNumpyMode()
         ca.GlobalOptions.setNumpyMode(-1)
         try:
             rates = equations_of_motion(model, physical, u * rate_scale, t)
-            limited = path_constraints(model, physical, t)
+            limited = functions.path(model, physical, t)
+            integrands = functions.integrands(model, physical, t)
         finally:
             ca.GlobalOptions.setNumpyMode(previous_mode)
         f = ca.vertcat(*rates) / scale
-        g = ca.vertcat(*limited) / ca.DM(list(limits))
+        g = ca.vertcat(*limited, *integrands)
+        self.n_limits = len(limited)
+        mu, nu = ca.SX.sym("mu", 7), ca.SX.sym("nu", g.numel())
         xt = ca.vertcat(x, t)
         hessian = ca.hessian(ca.dot(mu, f) + ca.dot(nu, g), xt)[0]
 
@@ -72,23 +76,26 @@ class ScaledDynamics:
         self._second = batch([x, u, t, mu, nu], [hessian])
 
     def values(self, x: Array, u: Array, t: Array) -> tuple[Array, Array]:
-        """f (n, 7) and g (n, 3)."""
+        """f (n, 7) and (g, L) (n, m + k)."""
         f, g = self._values(x, u, t)
         return f[:, 0], g[:, 0]
 
     def first(self, x: Array, u: Array, t: Array) -> NodeDerivatives:
-        """f, g and first derivatives; x (n, 7), u (n,), t (n,)."""
+        """f, g, L and first derivatives; x (n, 7), u (n,), t (n,)."""
         f, fx, ft, g, gx = self._first(x, u, t)
+        m = self.n_limits
         return NodeDerivatives(
             rates=f[:, 0].copy(),
             state_jacobian=fx.transpose(0, 2, 1).copy(),
             time_derivative=ft[:, 0].copy(),
-            path=g[:, 0].copy(),
-            path_jacobian=gx.transpose(0, 2, 1).copy(),
+            path=g[:, 0, :m].copy(),
+            path_jacobian=gx.transpose(0, 2, 1)[:, :m].copy(),
+            integrand=g[:, 0, m:].copy(),
+            integrand_jacobian=gx.transpose(0, 2, 1)[:, m:].copy(),
         )
 
     def hessian(self, x: Array, u: Array, t: Array, mu: Array, nu: Array) -> Array:
-        """Σ μ ∇²f + Σ ν ∇²g over (x, t): (n, 8, 8)."""
+        """Σ μ ∇²f + Σ ν ∇²(g, L) over (x, t): (n, 8, 8); `nu` (n, m + k)."""
         (h,) = self._second(x, u, t, mu, nu)
         return h
 
@@ -120,10 +127,10 @@ class _Buffered:
 @lru_cache(maxsize=16)
 def scaled_dynamics(
     model: FlightModel,
-    limits: tuple[float, float, float],
+    functions: NodeFunctions,
     state_scale: tuple[float, ...],
     rate_scale: float,
     n_nodes: int,
 ) -> ScaledDynamics:
     """The traced functions, built once per process and model."""
-    return ScaledDynamics(model, limits, state_scale, rate_scale, n_nodes)
+    return ScaledDynamics(model, functions, state_scale, rate_scale, n_nodes)

@@ -9,33 +9,38 @@ beside the stiff terminal cost it crawls.
         model                      exact gradient, convex Hessian    (quadratic_model)
         convex step                Clarabel                          (subproblem, Eq. (1))
         restore                    R(x, u, t_f) = 0 at the new control
-        second-order correction    the target row shifted by what linearisation missed
+        second-order correction    the rows shifted by what linearisation missed
         accept, or shrink          actual over predicted reduction   (trust_region)
     until the step is small
 
 The second-order correction (Nocedal & Wright 2006, Section 18.3) is what lets long steps along the
-curved set of controls that reach the target pass the merit test.
+curved set of controls that reach the target pass the merit test. Where the target is to be met exactly
+it is repeated while it pays; where it is soft, one is enough, and more were seen to jump between
+branches.
 """
 
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ampi.scp.condensing import CondensedDynamics, Iterate
 from ampi.scp.convergence import ConvergenceSettings, verdict
-from ampi.scp.elastic_target import ElasticSettings, huber, is_elastic, reference_price
+from ampi.scp.convexify import CurvatureFloor
+from ampi.scp.elastic_target import ElasticSettings, elastic_cost, held_targets
 from ampi.scp.guess import NodalGuess
 from ampi.scp.iterate import Flight, Point, RestorationSettings
+from ampi.scp.merit_weights import MeritWeights, ReliefSettings
 from ampi.scp.penalty import PenaltySettings
-from ampi.scp.problem import N_TARGETS, OptimalControlProblem
+from ampi.scp.problem import OptimalControlProblem
 from ampi.scp.quadratic_model import (
     CurvatureSettings,
     Multipliers,
     quadratic_subproblem,
+    reference_curvature,
     with_merit,
 )
 from ampi.scp.subproblem import ConvexSubproblem, Step, solve_subproblem
@@ -49,11 +54,13 @@ Array = NDArray[np.float64]
 class SolverSettings:
     """All numbers that steer the method; none depends on the mission."""
 
-    max_iterations: int = 200
+    max_iterations: int = 300
+    corrections: int = 3  # second-order, per step; one where the whole target is soft
     patience: int = 40  # iterations given to a raised price or penalty before it counts as vain
     trust_region: TrustRegionSettings = field(default_factory=TrustRegionSettings)
     elastic: ElasticSettings = field(default_factory=ElasticSettings)
     penalty: PenaltySettings = field(default_factory=PenaltySettings)
+    relief: ReliefSettings = field(default_factory=ReliefSettings)
     curvature: CurvatureSettings = field(default_factory=CurvatureSettings)
     restoration: RestorationSettings = field(default_factory=RestorationSettings)
     convergence: ConvergenceSettings = field(default_factory=ConvergenceSettings)
@@ -78,11 +85,11 @@ class ExactHessianIteration:
         self.problem, self.settings = problem, settings
         self.flight = Flight.of(problem, settings.restoration)
         self.region = TrustRegion(settings.trust_region, settings.trust_region.initial)
-        self.multipliers = Multipliers.zero(problem.mesh.n_nodes)
-        self.price = np.zeros(N_TARGETS)
-        self.penalty = 0.0
-        self.price_growths = self.penalty_growths = 0
-        self.settled = 0  # accepted steps since the elastic targets last changed
+        self.multipliers: Multipliers
+        self.weights = MeritWeights(
+            problem.target, settings.elastic, settings.penalty, settings.relief
+        )
+        self.floor = CurvatureFloor(settings.curvature.floor, settings.curvature.floor)
         self.fallback: Point | None = None  # converged, with something open
         self.grown_at = 0
         self.log: list[IterationRecord] = []
@@ -103,7 +110,10 @@ class ExactHessianIteration:
                     model = self.model(point, self.met())
             condensed, quadratic = model
             convex = with_merit(
-                quadratic, radius=self.region.radius, price=self.price, penalty=self.penalty
+                quadratic,
+                radius=self.region.radius,
+                price=self.weights.price,
+                penalty=self.weights.penalty,
             )
             best, size, ratio = self.try_step(point, condensed, convex)
             if not best.step.usable:
@@ -116,7 +126,9 @@ class ExactHessianIteration:
             )
             if accepted and best.point is not None:
                 point, model = best.point, None
-                self.accept(Multipliers.of(best.step, convex))
+                multipliers = Multipliers.of(best.step, convex)
+                before, self.multipliers = self.multipliers.target, multipliers
+                self.weights.accept(before, multipliers.target, multipliers.limits)
             self.record(iteration, point, best.step, size, ratio, accepted)
             if small and accepted and not self.grow_penalties(point):
                 status = verdict(
@@ -129,6 +141,7 @@ class ExactHessianIteration:
                 break
             if not small:
                 self.region.update(ratio, size)
+                self.floor.update(ratio, accepted=accepted)
             if self.region.collapsed:
                 status = Status.STALLED
                 break
@@ -144,42 +157,54 @@ class ExactHessianIteration:
         return self.result(point, status)
 
     def elastic(self) -> NDArray[np.bool_]:
-        """Targets that the last step bought off."""
-        return is_elastic(self.multipliers.target, self.price)
-
-    def accept(self, multipliers: Multipliers) -> None:
-        """Keep the multipliers of an accepted step and see whether what is elastic has settled."""
-        before, self.multipliers = self.elastic(), multipliers
-        self.settled = self.settled + 1 if np.array_equal(before, self.elastic()) else 0
+        """Rows of the target that the last step bought off."""
+        return self.weights.bought_off(self.multipliers.target)
 
     def met(self) -> NDArray[np.bool_] | None:
-        """Targets that hold the step; None while the elastic ones still change."""
-        elastic = self.elastic()
-        if elastic.any() and self.settled < self.settings.elastic.settled:
+        """Rows of the target that hold the step; None while the elastic ones still change."""
+        multiplier = self.multipliers.target
+        if not self.weights.settled(multiplier):
             return None
-        return ~elastic
+        return held_targets(self.problem.target, multiplier, self.weights.price)
 
     def first_model(
         self, point: Point, neighbour: NodalGuess | None
     ) -> tuple[CondensedDynamics, ConvexSubproblem]:
         """First linearisation; it sets the elastic price and the penalty (elastic_target, Eq. (3))."""
-        problem, settings = self.problem, self.settings
-        if neighbour is not None:  # a neighbour's terminal errors are its multipliers, λ = 2 w e
+        problem = self.problem
+        self.multipliers = Multipliers.first(problem, point)
+        known = neighbour is not None and bool(np.all(problem.target.weight > 0.0))
+        if neighbour is not None and known:  # its terminal errors are its multipliers, λ = 2 w e
             scale = np.array(problem.scaling.states)
-            error = problem.target_error(neighbour.states[-1] / scale)
-            known = 2.0 * problem.target_weights * error
-            self.multipliers = Multipliers(known, self.multipliers.limits, self.multipliers.bank)
-        everything = np.ones(N_TARGETS, dtype=bool)
-        model = self.model(point, None if neighbour is None else everything)
-        effort = problem.reference_effort(point.iterate.final_time)
-        condensed, convex = model
-        n_u = condensed.n_variables - 2
-        half = self.flight.transcription.half_lengths(point.iterate.final_time)
-        curvature = 2.0 * problem.effort_weight * half * self.flight.transcription.weights
-        price = reference_price(convex.target_map[:, :n_u], curvature, 2.0 * effort)
-        self.price = settings.elastic.price * np.maximum(price, np.abs(self.multipliers.target))
-        self.penalty = settings.penalty.initial * effort
-        return model
+            error = problem.target.error(neighbour.states[-1] / scale)
+            self.multipliers = replace(self.multipliers, target=2.0 * problem.target.weight * error)
+        final_time = point.iterate.final_time
+        curvature = reference_curvature(self.flight, final_time)
+        everything = np.ones(len(problem.target), dtype=bool)
+        condensed, convex = self.model(point, everything if known else None)
+        self.weights.start(
+            convex.target_map[:, : len(curvature)],
+            curvature,
+            problem.reference_cost(final_time),
+            self.multipliers.target,
+        )
+        if neighbour is None or known:
+            return condensed, convex
+        self.estimate_multipliers(convex)
+        return self.model(point, self.met())
+
+    def estimate_multipliers(self, convex: ConvexSubproblem) -> None:
+        """Near an optimum: those of a short step in the Gauss–Newton model, which is not taken."""
+        short = with_merit(
+            convex,
+            radius=self.settings.trust_region.estimate,
+            price=self.weights.price,
+            penalty=self.weights.penalty,
+        )
+        step = solve_subproblem(short)
+        if step.usable:
+            self.multipliers = Multipliers.of(step, short)
+            self.weights.relieve(self.multipliers.target, self.multipliers.limits)
 
     def model(
         self, point: Point, met: NDArray[np.bool_] | None
@@ -192,7 +217,7 @@ class ExactHessianIteration:
             linearised,
             self.multipliers,
             met=met,
-            settings=self.settings.curvature,
+            settings=replace(self.settings.curvature, floor=self.floor.value),
         )
         return linearised.condensed, convex
 
@@ -200,29 +225,33 @@ class ExactHessianIteration:
         self, point: Point, condensed: CondensedDynamics, convex: ConvexSubproblem
     ) -> tuple[_Candidate, float, float]:
         """Best of the convex step and its second-order correction; step size; reduction ratio."""
-        first = self.candidate(point, condensed, convex)
+        best = first = self.candidate(point, condensed, convex)
         if not first.step.usable:
             return first, np.inf, -1.0
         z = first.step.z
         size = max(float(np.abs(convex.bank_rows @ z).max()), abs(float(z[-2])))
+        inside = convex.absolute_value + convex.absolute_rows @ z
+        error = point.target_error + convex.target_map @ z
         predicted = self.merit(point) - (
-            point.effort
+            point.cost.smooth
             + 0.5 * z @ convex.hessian @ z
             + convex.gradient @ z
-            + huber(
-                point.target_error + convex.target_map @ z,
-                self.problem.target_weights,
-                self.price,
-            )
-            + self.penalty * float(first.step.slack.sum())
+            + convex.absolute_weight @ np.abs(inside)
+            + elastic_cost(error, self.problem.target, self.weights.price)
+            + self.weights.penalty * float(first.step.slack.sum())
         )
-        best = first
-        worth_correcting = first.reduction < 0.9 * predicted
-        if first.point is not None and worth_correcting and size > self.settings.convergence.step:
-            shifted = first.point.target_error - convex.target_map @ z
-            second = self.candidate(point, condensed, convex.with_target_error(shifted))
-            if second.step.usable and second.reduction > first.reduction:
-                best = second
+        soft = bool(np.all(self.problem.target.weight > 0.0))
+        for _ in range(1 if soft else self.settings.corrections):
+            there = best.point
+            enough = best.reduction > 0.9 * predicted
+            if there is None or enough or size < self.settings.convergence.step:
+                break
+            moved = best.step.z
+            shifted = convex.corrected(moved, there.target_error, there.path, there.cost.value)
+            second = self.candidate(point, condensed, shifted)
+            if not (second.step.usable and second.reduction > best.reduction):
+                break
+            best = second
         # Near a solution both reductions drown in rounding; such a step is a good one.
         noise = 1e-10 * max(1.0, abs(self.merit(point)))
         if best.point is not None and abs(predicted) < noise and abs(best.reduction) < noise:
@@ -252,34 +281,24 @@ class ExactHessianIteration:
 
     def merit(self, point: Point) -> float:
         """Merit at the current price and penalty."""
-        return point.merit(self.problem.target_weights, self.price, self.penalty)
+        return point.merit(self.problem.target, self.weights.price, self.weights.penalty)
 
     def grow_penalties(self, point: Point) -> bool:
         """At convergence: raise what is still open; False when nothing is, or nothing helps."""
-        settings = self.settings
-        elastic, exceeded = self.elastic(), bool(point.excess.max() > settings.penalty.tolerance)
-        raise_price = bool(elastic.any()) and self.price_growths < settings.elastic.growths
-        raise_penalty = exceeded and self.penalty_growths < settings.penalty.growths
-        if raise_price:
-            self.price = np.where(elastic, settings.elastic.growth * self.price, self.price)
-            self.price_growths += 1
-        if raise_penalty:
-            self.penalty *= settings.penalty.growth
-            self.penalty_growths += 1
-        if not (raise_price or raise_penalty):
+        if not self.weights.grow(self.multipliers.target, point.excess):
             return False
         if self.fallback is None or point.excess.sum() <= self.fallback.excess.sum():
             self.fallback = point
         self.grown_at = len(self.log)
-        self.region.radius = settings.trust_region.initial
+        self.region.radius = self.settings.trust_region.initial
         return True
 
     def record(
         self, iteration: int, point: Point, step: Step, size: float, ratio: float, accepted: bool
     ) -> None:
         """One row of the log."""
-        scale = self.problem.cost_scale
-        cost = point.effort + float(self.problem.target_weights @ point.target_error**2)
+        scale = self.problem.objective.cost_scale
+        cost = point.cost.total + self.problem.target.quadratic(point.target_error)
         self.log.append(
             IterationRecord(
                 iteration=iteration,
@@ -299,25 +318,25 @@ class ExactHessianIteration:
         problem, n = self.problem, self.problem.mesh.n_nodes
         if point is None:
             states, rate, final_time = np.full((n, 7), np.nan), np.full(n, np.nan), np.nan
-            cost, excess = np.nan, np.full(3, np.nan)
+            cost, excess = np.nan, np.full(problem.n_limits, np.nan)
         else:
             states = point.iterate.states * np.array(problem.scaling.states)
             rate = self.flight.transcription.nodal_rate(point.iterate.bank_rate)
             rate = rate * problem.bank_rate_limit
             final_time, excess = point.iterate.final_time, point.excess
-            cost = point.effort + float(problem.target_weights @ point.target_error**2)
+            cost = point.cost.total + problem.target.quadratic(point.target_error)
         return Trajectory(
             mesh=problem.mesh,
             states=states.T.copy(),
             bank_rate=rate,
             final_time=float(final_time),
-            cost=float(cost * problem.cost_scale),
+            cost=float(cost * problem.objective.cost_scale),
             status=status,
             statistics=Statistics(
                 iterations=len(self.log),
                 solve_seconds=time.perf_counter() - self.began,
                 subproblem_seconds=self.subproblem_seconds,
-                limit_excess=(float(excess[0]), float(excess[1]), float(excess[2])),
+                limit_excess=tuple(excess.tolist()),
                 log=tuple(self.log),
             ),
         )

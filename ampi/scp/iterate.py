@@ -8,11 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ampi.scp.condensing import CondensedDynamics, Iterate, condense
+from ampi.scp.cost import Cost, cost_of
 from ampi.scp.derivatives import NodeDerivatives, ScaledDynamics, scaled_dynamics
-from ampi.scp.elastic_target import huber
+from ampi.scp.elastic_target import elastic_cost
 from ampi.scp.guess import NodalGuess
 from ampi.scp.penalty import limit_excess
-from ampi.scp.problem import BANK, OptimalControlProblem
+from ampi.scp.problem import BANK, OptimalControlProblem, Target
 from ampi.scp.transcription import RadauTranscription, radau_transcription
 
 Array = NDArray[np.float64]
@@ -32,16 +33,16 @@ class Point:
     """A flyable iterate with what the merit needs."""
 
     iterate: Iterate
-    path: Array  # g (n, 3)
-    effort: float
-    target_error: Array  # (4,)
-    excess: Array  # (3,)
+    path: Array  # g (n, m)
+    cost: Cost
+    target_error: Array  # e of the target's rows
+    excess: Array  # (m,), of the limits
 
-    def merit(self, weights: Array, price: Array, penalty: float) -> float:
+    def merit(self, target: Target, price: Array, penalty: float) -> float:
         """Penalty, Eq. (1)."""
         return (
-            self.effort
-            + huber(self.target_error, weights, price)
+            self.cost.total
+            + elastic_cost(self.target_error, target, price)
             + penalty * float(self.excess.sum())
         )
 
@@ -68,7 +69,7 @@ class Flight:
         """Bind a problem to its cached transcription and traced derivatives."""
         dynamics = scaled_dynamics(
             problem.model,
-            problem.limits,
+            problem.functions,
             problem.scaling.states,
             problem.bank_rate_limit,
             problem.mesh.n_nodes,
@@ -119,16 +120,17 @@ class Flight:
         return Iterate(x, iterate.bank_rate, final_time), False
 
     def evaluate(self, iterate: Iterate) -> Point:
-        """Path constraints, effort and target error."""
-        t = self.transcription
-        _, path = self.dynamics.values(
+        """Path constraints, cost and target error."""
+        t, problem = self.transcription, self.problem
+        _, functions = self.dynamics.values(
             iterate.states, t.nodal_rate(iterate.bank_rate), t.times(iterate.final_time)
         )
+        path = functions[:, : problem.n_limits].copy()
         return Point(
             iterate=iterate,
-            path=path.copy(),
-            effort=self.problem.effort_weight * t.effort(iterate.bank_rate, iterate.final_time),
-            target_error=self.problem.target_error(iterate.states[-1]),
+            path=path,
+            cost=cost_of(problem.objective, t, iterate, functions[:, problem.n_limits :]),
+            target_error=problem.target.error(iterate.states[-1]),
             excess=limit_excess(path),
         )
 

@@ -1,6 +1,6 @@
 """Exact penalty on the path limits.
 
-    merit = effort + φ_ν(e) + ρ Σ_k max(0, max_i g_ik − 1)                      (1)
+    merit = cost + φ_ν(e) + ρ Σ_k max(0, max_i g_ik − 1)                      (1)
 
 ρ must exceed the sum of the limits' multipliers. It starts far above those of an ordinary mission
 and, where an excess stays open at convergence, grows tenfold, several times: a limit a hair above
@@ -20,7 +20,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, kw_only=True)
 class PenaltySettings:
-    """In units of the reference effort; the limits are scaled to one."""
+    """In units of the reference cost; the limits are scaled to one."""
 
     initial: float = 20.0
     growth: float = 10.0
@@ -29,5 +29,5 @@ class PenaltySettings:
 
 
 def limit_excess(path: Array) -> Array:
-    """Excess of each limit (3,) from g (n, 3)."""
+    """Excess of each limit (m,) from g (n, m)."""
     return np.asarray(np.maximum(path.max(axis=0) - 1.0, 0.0))

@@ -1,12 +1,13 @@
 """The optimal control problem in scaled variables.
 
-    minimise   φ(x(t_f)) + ε ∫ u² dt
+    minimise   Σ_i w_i e_i² + J(u, x, t_f)
     subject to ẋ = f(x, u, t),  x(0) = x₀ but for the free bank angle σ₀,
+               e = x(t_f) − x_target,  e_lo ≤ e ≤ e_hi,
                |σ| ≤ σ_max,  |u| ≤ u_max,  g(x, t) ≤ 1                          (1)
 
-with φ of Sagliano et al. 2016, Eq. (1), and g the path constraints of Eq. (4) over their limits.
-`Scaling` is the one place where SI becomes dimensionless; time stays in seconds. The cost is divided
-by ε, so that the effort of a bank profile, in (deg/s)² s, is of the order of ten for any ε.
+with J of `objective` and g of `node_functions`. A final state is free (no row), weighted (Sagliano et
+al. 2016, Eq. (1): w > 0, no bounds), met exactly (e_lo = e_hi = 0) or kept in a range. `Scaling` is the
+one place where SI becomes dimensionless; time stays in seconds.
 """
 
 from __future__ import annotations
@@ -16,16 +17,16 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ampi.missions.mission import Mission
+from ampi.missions.mission import ENTRY_STATES, TARGET_WEIGHTS, Mission
 from ampi.physics.equations_of_motion import FlightModel
 from ampi.pseudospectral.mesh import Mesh
+from ampi.scp.node_functions import NodeFunctions
+from ampi.scp.objective import Objective
 
 Array = NDArray[np.float64]
 
 N_STATES = 7
-N_TARGETS = 4  # h, θ, φ, V: the leading states
 BANK = 6  # row of the bank angle
-DEGREE = float(np.pi / 180.0)
 
 
 @dataclass(frozen=True)
@@ -37,6 +38,54 @@ class Scaling:
 
 
 @dataclass(frozen=True, eq=False)
+class Target:
+    """The rows of e in Eq. (1), scaled: m of them."""
+
+    state: NDArray[np.intp]  # (m,), which final state
+    reference: Array  # (m,)
+    weight: Array  # (m,), zero where the row is bounded
+    lower: Array  # (m,), −∞ where the row is weighted
+    upper: Array  # (m,)
+
+    def __len__(self) -> int:
+        return len(self.state)
+
+    def error(self, final_state: Array) -> Array:
+        """e (m,) of a scaled final state (7,)."""
+        return np.asarray(final_state[self.state] - self.reference)
+
+    def quadratic(self, error: Array) -> float:
+        """Σ w e²."""
+        return float(self.weight @ error**2)
+
+    @classmethod
+    def from_mission(cls, mission: Mission, scale: Array, cost_scale: float) -> Target:
+        """Altitude and speed, the position unless it is free, the final angles if given."""
+        target, objective = mission.target, mission.objective
+        weights = [getattr(objective, name) for name in TARGET_WEIGHTS]
+        rows: list[tuple[int, float, float, float, float]] = []
+        for i, (name, weight) in enumerate(zip(ENTRY_STATES[:4], weights, strict=True)):
+            if weight == 0.0 or (target.position == "free" and i in (1, 2)):
+                continue
+            bound = 0.0 if weight is None else np.inf
+            rows.append((i, getattr(target, name), weight or 0.0, -bound, bound))
+        for i, span in ((4, target.flight_path_angle), (5, target.azimuth)):
+            if span is not None:
+                middle, half = 0.5 * (span[0] + span[1]), 0.5 * (span[1] - span[0])
+                rows.append((i, middle, 0.0, -half, half))
+        state = np.array([row[0] for row in rows], dtype=np.intp)
+        reference, weight, lower, upper = np.array([row[1:] for row in rows]).T
+        unit = scale[state]
+        return cls(
+            state=state,
+            reference=reference / unit,
+            weight=weight * unit**2 / cost_scale,
+            lower=lower / unit,
+            upper=upper / unit,
+        )
+
+
+@dataclass(frozen=True, eq=False)
 class OptimalControlProblem:
     """Eq. (1) for one entry state. Arrays are in scaled units."""
 
@@ -44,12 +93,10 @@ class OptimalControlProblem:
     mesh: Mesh
     scaling: Scaling
     entry: Array  # (6,)
-    target: Array  # (4,)
-    target_weights: Array  # (4,), of the squared terminal errors, over ε
+    target: Target
+    objective: Objective
+    functions: NodeFunctions
     target_tolerance: Array  # (2,): altitude, speed
-    effort_weight: float  # of ∫ û² dt, over ε
-    cost_scale: float  # J = cost_scale · scaled cost
-    limits: tuple[float, float, float]  # Pa, W/m², g
     bank_limit: float  # rad
     bank_rate_limit: float  # rad/s
 
@@ -60,39 +107,29 @@ class OptimalControlProblem:
         """Scale a mission's problem."""
         scaling = scaling or Scaling()
         scale = np.array(scaling.states)
-        objective, target, limits = mission.objective, mission.target, mission.limits
-        weights = np.array(
-            [
-                objective.altitude_weight,
-                objective.longitude_weight,
-                objective.latitude_weight,
-                objective.speed_weight,
-            ]
-        )
-        reference = np.array([target.altitude, target.longitude, target.latitude, target.speed])
-        epsilon = objective.bank_rate_effort
+        target, limits = mission.target, mission.limits
+        objective = Objective.from_mission(mission)
         return cls(
             model=mission.flight_model,
             mesh=mission.pseudospectral_mesh,
             scaling=scaling,
             entry=mission.entry_state / scale[:6],
-            target=reference / scale[:N_TARGETS],
-            target_weights=weights * scale[:N_TARGETS] ** 2 / epsilon,
+            target=Target.from_mission(mission, scale, objective.cost_scale),
+            objective=objective,
+            functions=NodeFunctions.from_mission(mission, objective.cost_scale),
             target_tolerance=np.array(
                 [target.altitude_tolerance / scale[0], target.speed_tolerance / scale[3]]
             ),
-            effort_weight=(limits.bank_rate / DEGREE) ** 2,
-            cost_scale=epsilon,
-            limits=(limits.dynamic_pressure, limits.heat_flux, limits.load_factor),
             bank_limit=limits.bank_angle,
             bank_rate_limit=limits.bank_rate,
         )
 
-    def target_error(self, final_state: Array) -> Array:
-        """e = x_f − x_target (4,) of a scaled final state (7,)."""
-        return np.asarray(final_state[:N_TARGETS] - self.target)
+    @property
+    def n_limits(self) -> int:
+        """How many path limits there are."""
+        return len(self.functions.names)
 
-    def reference_effort(self, final_time: float) -> float:
-        """Effort of one linear sweep from −σ_max to σ_max over the flight."""
+    def reference_cost(self, final_time: float) -> float:
+        """Effort of one linear sweep from −σ_max to σ_max over the flight, at its reference weight."""
         rate = 2.0 * self.bank_limit / (self.bank_rate_limit * final_time)
-        return self.effort_weight * rate**2 * final_time
+        return self.objective.reference_effort * rate**2 * final_time

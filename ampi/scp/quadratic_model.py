@@ -1,9 +1,13 @@
 """The quadratic model at a point: exact gradient, convex exact Hessian of the Lagrangian.
 
 Far from the target, while it is being bought off, the multipliers say nothing yet: there the model is
-Gauss–Newton's, the effort's curvature alone. As soon as the target is met to first order, or what is
-bought off has settled (a target out of reach), the model takes the whole curvature Σ μᵀ∇²f and the
+Gauss–Newton's, the effort's curvature alone (or, where the objective has none, a little of what the
+reference effort would have). As soon as the target is met to first order, or what is bought off has
+settled (a target out of reach), the model takes the whole curvature of the Lagrangian and the
 iteration becomes Newton's.
+
+The Hessian is made convex on the tangent space of what holds the step: the targets that are met and
+the absolute values that sit at their kink.
 """
 
 from __future__ import annotations
@@ -14,8 +18,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ampi.scp.convexify import convexify_on_tangent
+from ampi.scp.cost import add_rate_curvature, integrand_multipliers, linearised_cost
 from ampi.scp.iterate import Flight, Linearised, Point
-from ampi.scp.problem import BANK, N_STATES, N_TARGETS
+from ampi.scp.problem import BANK, N_STATES, OptimalControlProblem
 from ampi.scp.subproblem import ConvexSubproblem, Step
 
 Array = NDArray[np.float64]
@@ -23,32 +28,40 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, kw_only=True)
 class CurvatureSettings:
-    """Relative to the mean curvature of the effort over δu."""
+    """Relative to the mean curvature of the reference effort over δu."""
 
     floor: float = 1e-3  # least eigenvalue kept by the convexification
     free_variables: float = 10.0  # Gauss–Newton curvature given to δt_f and δσ₀
+    no_effort: float = 1e-2  # Gauss–Newton curvature given to δu, at least
     screening: float = 0.6  # path rows enter the subproblem where g exceeds this
+    kink: float = 0.999  # an absolute value is held at zero below this share of its weight
 
 
 @dataclass(frozen=True, eq=False)
 class Multipliers:
     """Multipliers of the last accepted step: they weigh the curvature of the Lagrangian."""
 
-    target: Array  # λ (4,)
-    limits: Array  # (n, 3)
+    target: Array  # λ, one per row of the target
+    limits: Array  # (n, m)
     bank: Array  # (n,)
+    absolute: Array  # κ (k,), of the absolute values in the cost
 
     @classmethod
-    def zero(cls, n_nodes: int) -> Multipliers:
-        """No knowledge yet."""
-        return cls(np.zeros(N_TARGETS), np.zeros((n_nodes, 3)), np.zeros(n_nodes))
+    def first(cls, problem: OptimalControlProblem, point: Point) -> Multipliers:
+        """No knowledge yet but the signs of the absolute values."""
+        return cls(
+            np.zeros(len(problem.target)),
+            np.zeros(point.path.shape),
+            np.zeros(len(point.path)),
+            np.sign(point.cost.value) * point.cost.weight,
+        )
 
     @classmethod
     def of(cls, step: Step, convex: ConvexSubproblem) -> Multipliers:
         """Spread the subproblem's multipliers over the nodes."""
-        limits = np.zeros((len(convex.rate), 3))
+        limits = np.zeros((len(convex.rate), convex.n_limits))
         limits[convex.path_node, convex.path_kind] = step.path_multiplier
-        return cls(step.target_multiplier, limits, step.bank_multiplier)
+        return cls(step.target_multiplier, limits, step.bank_multiplier, step.absolute_multiplier)
 
 
 def quadratic_subproblem(
@@ -62,59 +75,49 @@ def quadratic_subproblem(
 ) -> ConvexSubproblem:
     """Subproblem at `point`, with radius, price and penalty still to be set (`with_merit`).
 
-    `met` marks the targets that hold the step (4,); None asks for the Gauss–Newton model.
+    `met` marks the rows of the target that hold the step; None asks for the Gauss–Newton model.
     """
     problem, t, condensed = flight.problem, flight.transcription, linearised.condensed
-    n_z = condensed.n_variables
-    time_column, scale = n_z - 2, condensed.final_time_scale
-    u, final_time = point.iterate.bank_rate, point.iterate.final_time
-    half = t.half_lengths(final_time)
-    curvature = 2.0 * problem.effort_weight * half * t.weights
-    target_map = condensed.state_map[-1, :N_TARGETS]
-
-    gradient = np.zeros(n_z)
-    gradient[: len(u)] = curvature * u
-    gradient[time_column] = (
-        problem.effort_weight * float(np.sum(t.half_free * t.weights * u * u)) * scale
-    )
-    mean = float(curvature.mean())
-    diagonal = np.full(n_z, settings.free_variables * mean)
-    diagonal[: len(u)] = curvature
+    target, iterate = problem.target, point.iterate
+    model = linearised_cost(problem.objective, t, iterate, linearised.derivatives, condensed)
+    target_map = condensed.state_map[-1, target.state]
+    reference = reference_curvature(flight, iterate.final_time)
     if met is None:
-        hessian = np.diag(diagonal)
+        hessian = _gauss_newton(flight, iterate.final_time, condensed.n_variables, settings)
     else:
+        kinked = np.abs(multipliers.absolute) < settings.kink * point.cost.weight
+        held = np.concatenate([target_map[met], model.absolute_rows[kinked]])
         hessian = _lagrangian_hessian(flight, point, linearised, multipliers)
-        hessian[np.arange(len(u)), np.arange(len(u))] += curvature
-        coupling = 2.0 * problem.effort_weight * t.half_free * t.weights * u * scale
-        hessian[: len(u), time_column] += coupling
-        hessian[time_column, : len(u)] += coupling
-        hessian = convexify_on_tangent(hessian, target_map[met], settings.floor * mean)
+        hessian = convexify_on_tangent(hessian, held, settings.floor * float(reference.mean()))
 
     node, kind = np.nonzero(point.path > settings.screening)
-    along = linearised.derivatives.path_jacobian[node, kind]
-    path_rows = np.einsum("mi,mij->mj", along[:, :N_STATES], condensed.state_map[node])
-    path_rows[:, time_column] += along[:, N_STATES] * t.node_free[node] * scale
-    rate_rows = np.zeros((problem.mesh.n_nodes, n_z))
+    path_rows = _path_rows(flight, linearised, node, kind)
+    n_u, n_z = len(iterate.bank_rate), condensed.n_variables
+    rate_rows = np.zeros((n_u + 1, n_z))
     rate_rows[0, : len(t.entry_rate)] = t.entry_rate
-    rate_rows[1:, :time_column] = np.eye(time_column)
+    rate_rows[1:, :n_u] = np.eye(n_u)
     return ConvexSubproblem(
         hessian=hessian,
-        gradient=gradient,
+        gradient=model.gradient,
+        absolute_rows=model.absolute_rows,
+        absolute_value=point.cost.value,
+        absolute_weight=point.cost.weight,
+        target=target,
         target_map=target_map,
         target_error=point.target_error,
-        target_weights=problem.target_weights,
-        target_price=np.zeros(N_TARGETS),
+        target_price=np.zeros(len(target)),
         rate_rows=rate_rows,
-        rate=t.nodal_rate(u),
+        rate=t.nodal_rate(iterate.bank_rate),
         bank_rows=condensed.state_map[:, BANK],
-        bank_lower=-problem.bank_limit - point.iterate.states[:, BANK],
-        bank_upper=problem.bank_limit - point.iterate.states[:, BANK],
-        final_time_column=time_column,
+        bank_lower=-problem.bank_limit - iterate.states[:, BANK],
+        bank_upper=problem.bank_limit - iterate.states[:, BANK],
+        final_time_column=n_u,
         radius=np.inf,
         path_rows=path_rows,
         path_room=1.0 - point.path[node, kind],
         path_kind=kind,
         path_node=node,
+        n_limits=problem.n_limits,
         limit_penalty=0.0,
     )
 
@@ -133,20 +136,58 @@ def with_merit(
     )
 
 
+def reference_curvature(flight: Flight, final_time: float) -> Array:
+    """Curvature over δu (n_u,) that an effort worth the whole objective would have."""
+    t, weight = flight.transcription, flight.problem.objective.reference_effort
+    return np.asarray(2.0 * weight * t.half_lengths(final_time) * t.weights)
+
+
+def _gauss_newton(
+    flight: Flight, final_time: float, n_z: int, settings: CurvatureSettings
+) -> Array:
+    reference, objective = reference_curvature(flight, final_time), flight.problem.objective
+    share = max(objective.effort / objective.reference_effort, settings.no_effort)
+    diagonal = np.full(n_z, share * settings.free_variables * float(reference.mean()))
+    diagonal[: len(reference)] = share * reference
+    return np.diag(diagonal)
+
+
+def _path_rows(
+    flight: Flight, linearised: Linearised, node: NDArray[np.intp], kind: NDArray[np.intp]
+) -> Array:
+    """Rows of g over z (m, n_z), each of one limit at one node."""
+    condensed = linearised.condensed
+    along = linearised.derivatives.path_jacobian[node, kind]
+    rows = np.einsum("mi,mij->mj", along[:, :N_STATES], condensed.state_map[node])
+    by_time = along[:, N_STATES] * flight.transcription.node_free[node]
+    rows[:, -2] += by_time * condensed.final_time_scale
+    return np.asarray(rows)
+
+
 def _lagrangian_hessian(
     flight: Flight, point: Point, linearised: Linearised, multipliers: Multipliers
 ) -> Array:
-    """Condensing, Eq. (3), without the cost's own terms."""
-    t = flight.transcription
+    """Condensing, Eq. (3), with the cost's own terms."""
+    t, derivatives = flight.transcription, linearised.derivatives
     x, u, final_time = point.iterate.states, point.iterate.bank_rate, point.iterate.final_time
-    path_jacobian = linearised.derivatives.path_jacobian[:, :, :N_STATES]
-    node_gradient = np.einsum("ik,ikj->ij", multipliers.limits, path_jacobian)
+    objective, condensed = flight.problem.objective, linearised.condensed
+    count = derivatives.integrand.shape[1]
+    omega = integrand_multipliers(objective, t, final_time, multipliers.absolute, count)
+    jacobian = derivatives.path_jacobian[:, :, :N_STATES]
+    node_gradient = np.einsum("ik,ikj->ij", multipliers.limits, jacobian)
+    if count:
+        jacobian = derivatives.integrand_jacobian[:, :, :N_STATES]
+        node_gradient += np.einsum("ik,ikj->ij", omega, jacobian)
     node_gradient[:, BANK] += multipliers.bank
-    node_gradient[-1, :N_TARGETS] += multipliers.target
-    mu = linearised.condensed.multipliers(node_gradient)
+    node_gradient[-1, flight.problem.target.state] += multipliers.target
+    mu = condensed.multipliers(node_gradient)
+    half = t.half_lengths(final_time)
     weighted = np.zeros((len(x), N_STATES))
-    weighted[1:] = -t.half_lengths(final_time)[:, None] * mu
+    weighted[1:] = -half[:, None] * mu
     curvature = flight.dynamics.hessian(
-        x, t.nodal_rate(u), t.times(final_time), weighted, multipliers.limits
+        x, t.nodal_rate(u), t.times(final_time), weighted, np.hstack([multipliers.limits, omega])
     )
-    return linearised.condensed.reduced_hessian(curvature, mu)
+    hessian = condensed.reduced_hessian(curvature, mu, omega, half)
+    scale = condensed.final_time_scale
+    add_rate_curvature(hessian, objective, t, point.iterate, multipliers.absolute, scale)
+    return hessian

@@ -1,20 +1,24 @@
 """The convex subproblem, condensed, and its solution by Clarabel.
 
-    minimise   ½ zᵀH z + gᵀz + Σ w e² + Σ ν (v⁺ + v⁻) + ρ Σ_k s_k
+    minimise   ½ zᵀH z + gᵀz + Σ w e² + Σ ν (v⁺ + v⁻) + Σ_j a_j y_j + ρ Σ_k s_k
     subject to C z − e − v⁺ + v⁻ = −(x_f − x_target)   elastic target
+               e_lo ≤ e ≤ e_hi                          zero, where it is to be met exactly
                −1 ≤ û + δû ≤ 1                          bank rate, at every node
                σ_lo ≤ Z_σ z ≤ σ_hi                      bank limit and trust region, one box
                |δt_f| ≤ Δ                               trust region
                G_ik J_i z − s_k ≤ 1 − g_ik              path limits, one slack per limit
+               ±(c_j + L_j z) ≤ y_j                     absolute values of the cost
                v⁺, v⁻, s ≥ 0                                                        (1)
 
 The target is elastic (elastic_target) and ρ Σ s_k an exact penalty, L_∞ over the nodes of one limit:
 the subproblem always has a solution, and v and s say what could not be met. Columns of A are
-(z | e | v⁺ | v⁻ | s), rows top to bottom
+(z | e | v⁺ | v⁻ | y | s), rows top to bottom
 
-    [  C   −I  −I   I   · ]  = target          [ rate  ·   ·   ·   · ]  two-sided, as ± rows
-    [  Z_σ  ·   ·   ·   · ]  two-sided         [ ±e_tf ·   ·   ·   · ]
-    [  GJ   ·   ·   ·  −1 ]  limits            [  ·    ·  −I  −I  −I ]  signs
+    [  C   −I  −I   I   ·   · ]  = target          [ rate  ·   ·   ·   ·   · ]  two-sided, as ± rows
+    [  ·    I   ·   ·   ·   · ]  = exact rows      [ ±L    ·   ·   ·  −I   · ]  absolute values
+    [  Z_σ  ·   ·   ·   ·   · ]  two-sided         [ ±e_tf ·   ·   ·   ·   · ]
+    [  ·   ±I   ·   ·   ·   · ]  range rows        [  ·    ·  −I  −I   ·  −I ]  signs
+    [  GJ   ·   ·   ·   ·  −1 ]  limits
 
 `ampi/scp/subproblem_cvxpy.py` states the same problem in cvxpy; tests hold the two together.
 """
@@ -28,22 +32,26 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
 
+from ampi.scp.problem import Target
+
 Array = NDArray[np.float64]
 
 USABLE = ("Solved", "AlmostSolved", "InsufficientProgress")
-N_LIMITS = 3
 
 
 @dataclass(frozen=True, eq=False)
 class ConvexSubproblem:
-    """Data of Eq. (1): n_z free variables, 4 targets, n nodes, m path rows."""
+    """Data of Eq. (1): n_z free variables, t target rows, n nodes, k absolute values, m path rows."""
 
     hessian: Array  # H (n_z, n_z), positive definite
     gradient: Array  # g (n_z,)
-    target_map: Array  # C (4, n_z)
-    target_error: Array  # x_f − x_target (4,)
-    target_weights: Array  # w (4,)
-    target_price: Array  # ν (4,)
+    absolute_rows: Array  # L (k, n_z)
+    absolute_value: Array  # c (k,)
+    absolute_weight: Array  # a (k,)
+    target: Target  # w, e_lo and e_hi of the t rows
+    target_map: Array  # C (t, n_z)
+    target_error: Array  # x_f − x_target (t,)
+    target_price: Array  # ν (t,)
     rate_rows: Array  # (n, n_z): δû at every node
     rate: Array  # û (n,)
     bank_rows: Array  # Z_σ (n, n_z), rad
@@ -55,11 +63,22 @@ class ConvexSubproblem:
     path_room: Array  # 1 − g (m,)
     path_kind: NDArray[np.intp]  # (m,), which of the limits
     path_node: NDArray[np.intp]  # (m,), at which node
+    n_limits: int
     limit_penalty: float  # ρ
 
-    def with_target_error(self, error: Array) -> ConvexSubproblem:
-        """The same subproblem, its target row shifted (second-order correction)."""
-        return replace(self, target_error=error)
+    def corrected(
+        self, z: Array, target_error: Array, path: Array, absolute_value: Array
+    ) -> ConvexSubproblem:
+        """Every row shifted by what its linearisation missed along z (second-order correction).
+
+        The arguments are those of the flight at z: e, g at all nodes (n, limits) and c.
+        """
+        return replace(
+            self,
+            target_error=target_error - self.target_map @ z,
+            path_room=1.0 - path[self.path_node, self.path_kind] + self.path_rows @ z,
+            absolute_value=absolute_value - self.absolute_rows @ z,
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,10 +86,11 @@ class Step:
     """Solution of Eq. (1) with the multipliers that enter the Lagrangian."""
 
     z: Array
-    slack: Array  # s (3,)
-    target_multiplier: Array  # λ (4,)
+    slack: Array  # s, one per limit
+    target_multiplier: Array  # λ (t,)
     bank_multiplier: Array  # (n,), upper minus lower
     path_multiplier: Array  # (m,), ≥ 0
+    absolute_multiplier: Array  # κ (k,), |κ| ≤ a
     status: str
 
     @property
@@ -120,80 +140,97 @@ def _settings() -> clarabel.DefaultSettings:
     return settings
 
 
-def _signs(problem: ConvexSubproblem) -> tuple[Array, Array, int]:
-    """Rows on z of the inequalities and their bounds, in the order of Eq. (1)."""
-    n_z = len(problem.gradient)
-    final_time = np.zeros((2, n_z))
+def _on_z(problem: ConvexSubproblem) -> tuple[Array, Array]:
+    """Rows on z of the inequalities, and their bounds: rate, bank, δt_f, limits, absolute values."""
+    final_time = np.zeros((2, len(problem.gradient)))
     final_time[:, problem.final_time_column] = 1.0, -1.0
-    rows = np.vstack(
-        [
-            problem.rate_rows,
-            -problem.rate_rows,
-            problem.bank_rows,
-            -problem.bank_rows,
-            final_time,
-            problem.path_rows,
-        ]
-    )
-    bounds = np.concatenate(
-        [
-            1.0 - problem.rate,
-            1.0 + problem.rate,
-            problem.bank_upper,
-            -problem.bank_lower,
-            np.full(2, problem.radius),
-            problem.path_room,
-        ]
-    )
-    return rows, bounds, len(rows) - len(problem.path_room)
+    rows = [
+        problem.rate_rows,
+        -problem.rate_rows,
+        problem.bank_rows,
+        -problem.bank_rows,
+        final_time,
+        problem.path_rows,
+        problem.absolute_rows,
+        -problem.absolute_rows,
+    ]
+    bounds = [
+        1.0 - problem.rate,
+        1.0 + problem.rate,
+        problem.bank_upper,
+        -problem.bank_lower,
+        np.full(2, problem.radius),
+        problem.path_room,
+        -problem.absolute_value,
+        problem.absolute_value,
+    ]
+    return np.vstack(rows), np.concatenate(bounds)
+
+
+def _on_error(problem: ConvexSubproblem) -> tuple[Array, Array, NDArray[np.intp]]:
+    """Rows on e and bounds of the range rows; indices of the exact rows."""
+    target, identity = problem.target, np.eye(len(problem.target_error))
+    exact = np.flatnonzero(target.lower == target.upper)
+    ranged = np.flatnonzero(np.isfinite(target.lower) & (target.lower < target.upper))
+    rows = np.vstack([identity[ranged], -identity[ranged]])
+    bounds = np.concatenate([target.upper[ranged], -target.lower[ranged]])
+    return rows, bounds, exact
 
 
 def solve_subproblem(problem: ConvexSubproblem) -> Step:
     """Solve Eq. (1) with Clarabel."""
     n_z, n, m = len(problem.gradient), len(problem.rate), len(problem.path_room)
-    targets = len(problem.target_error)
-    rows, bounds, first_path = _signs(problem)
-    n_rows, n_signed = len(rows), 2 * targets + N_LIMITS
-    width = n_z + targets + n_signed
+    targets, k, limits = len(problem.target_error), len(problem.absolute_value), problem.n_limits
+    rows, bounds = _on_z(problem)
+    range_rows, range_bounds, exact = _on_error(problem)
     identity = np.eye(targets)
 
-    left = np.zeros((targets + n_rows + n_signed, width))
+    # columns: first of e, v⁺, y and s; rows: first of the inequalities on z, of the ranges, signs
+    e, v = n_z, n_z + targets
+    y = v + 2 * targets
+    s, width = y + k, y + k + limits
+    on_z = targets + len(exact)
+    ranges = on_z + len(rows)
+    signs = ranges + len(range_rows)
+    left = np.zeros((signs + 2 * targets + limits, width))
     left[:targets, :n_z] = problem.target_map
-    left[:targets, n_z : n_z + 3 * targets] = np.hstack([-identity, -identity, identity])
-    left[targets : targets + n_rows, :n_z] = rows
-    first_slack = width - N_LIMITS
-    left[targets + first_path + np.arange(m), first_slack + problem.path_kind] = -1.0
-    left[targets + n_rows :, n_z + targets :] = -np.eye(n_signed)
-    right = np.concatenate([-problem.target_error, bounds, np.zeros(n_signed)])
+    left[:targets, e:y] = np.hstack([-identity, -identity, identity])
+    left[targets + np.arange(len(exact)), e + exact] = 1.0
+    left[on_z:ranges, :n_z] = rows
+    path, absolute = on_z + 4 * n + 2, on_z + 4 * n + 2 + m
+    left[path + np.arange(m), s + problem.path_kind] = -1.0
+    for first in (absolute, absolute + k):
+        left[first + np.arange(k), y + np.arange(k)] = -1.0
+    left[ranges:signs, e:v] = range_rows
+    left[signs : signs + 2 * targets, v:y] = -np.eye(2 * targets)
+    left[signs + 2 * targets :, s:] = -np.eye(limits)
+    right = np.zeros(len(left))
+    right[:targets] = -problem.target_error
+    right[on_z:signs] = np.concatenate([bounds, range_bounds])
 
     quadratic = np.zeros((width, width))
     quadratic[:n_z, :n_z] = np.triu(problem.hessian)
-    on_error = np.arange(n_z, n_z + targets)
-    quadratic[on_error, on_error] = 2.0 * problem.target_weights
-    linear = np.concatenate(
-        [
-            problem.gradient,
-            np.zeros(targets),
-            problem.target_price,
-            problem.target_price,
-            np.full(N_LIMITS, problem.limit_penalty),
-        ]
-    )
+    quadratic[np.arange(e, v), np.arange(e, v)] = 2.0 * problem.target.weight
+    linear = np.zeros(width)
+    linear[:n_z] = problem.gradient
+    linear[v:y] = np.tile(problem.target_price, 2)
+    linear[y:s] = problem.absolute_weight
+    linear[s:] = problem.limit_penalty
     solution = clarabel.DefaultSolver(
         sparse.csc_matrix(quadratic),
         linear,
         sparse.csc_matrix(left),
         right,
-        [clarabel.ZeroConeT(targets), clarabel.NonnegativeConeT(n_rows + n_signed)],
+        [clarabel.ZeroConeT(on_z), clarabel.NonnegativeConeT(len(left) - on_z)],
         _settings(),
     ).solve()
-    y, dual = np.array(solution.x), np.array(solution.z)
-    on_rows = dual[targets : targets + n_rows]
+    x, dual = np.array(solution.x), np.array(solution.z)
     return Step(
-        z=y[:n_z],
-        slack=np.maximum(y[first_slack:], 0.0),
+        z=x[:n_z],
+        slack=np.maximum(x[s:], 0.0),
         target_multiplier=dual[:targets],
-        bank_multiplier=on_rows[2 * n : 3 * n] - on_rows[3 * n : 4 * n],
-        path_multiplier=on_rows[first_path:],
+        bank_multiplier=dual[on_z + 2 * n : on_z + 3 * n] - dual[on_z + 3 * n : on_z + 4 * n],
+        path_multiplier=dual[path:absolute],
+        absolute_multiplier=dual[absolute : absolute + k] - dual[absolute + k : ranges],
         status=str(solution.status),
     )

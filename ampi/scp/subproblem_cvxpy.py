@@ -4,13 +4,17 @@ The readable form of what `solve_subproblem` writes as one matrix for Clarabel: 
 `Step`, multipliers of the same sign. It is some ten times slower, and is the place to try another
 solver or one more convex constraint on z = (δu, δt_f, δσ₀):
 
-    minimise   ½ zᵀH z + gᵀz + Σ w e² + Σ ν (v⁺ + v⁻) + ρ Σ_k s_k
+    minimise   ½ zᵀH z + gᵀz + Σ w e² + Σ ν (v⁺ + v⁻) + Σ_j a_j |c_j + L_j z| + ρ Σ_k s_k
     subject to target       C z + (x_f − x_target) = e + v⁺ − v⁻
+               range        e_lo ≤ e ≤ e_hi
                rate         −1 ≤ û + δû ≤ 1
                bank         σ_lo ≤ Z_σ z ≤ σ_hi
                final_time   |δt_f| ≤ Δ
                path         GJ z ≤ 1 − g + s_k
+               absolute     ±(c + L z) ≤ y
                signs        v⁺, v⁻, s ≥ 0
+
+with y the epigraph of |·|, whose two multipliers give κ.
 """
 
 from __future__ import annotations
@@ -21,7 +25,7 @@ from typing import Any
 import cvxpy as cp
 import numpy as np
 
-from ampi.scp.subproblem import N_LIMITS, ConvexSubproblem, Step
+from ampi.scp.subproblem import ConvexSubproblem, Step
 
 STATUS = {  # cvxpy's words in Clarabel's, which `Step.usable` knows
     cp.OPTIMAL: "Solved",
@@ -55,10 +59,11 @@ def solve_subproblem_cvxpy(
     e = cp.Variable(n_targets, name="e")
     v_plus = cp.Variable(n_targets, name="v_plus")
     v_minus = cp.Variable(n_targets, name="v_minus")
-    s = cp.Variable(N_LIMITS, name="s")
+    s = cp.Variable(problem.n_limits, name="s")
+    y = cp.Variable(max(len(problem.absolute_value), 1), name="y")
 
-    effort = 0.5 * cp.quad_form(z, cp.psd_wrap(problem.hessian)) + problem.gradient @ z
-    miss = problem.target_weights @ cp.square(e) + problem.target_price @ (v_plus + v_minus)
+    cost = 0.5 * cp.quad_form(z, cp.psd_wrap(problem.hessian)) + problem.gradient @ z
+    miss = problem.target.weight @ cp.square(e) + problem.target_price @ (v_plus + v_minus)
     excess = problem.limit_penalty * cp.sum(s)
 
     # cvxpy overloads numpy's operators; type checkers see arrays where it builds expressions.
@@ -78,6 +83,19 @@ def solve_subproblem_cvxpy(
         v_minus >= 0.0,
         s >= 0.0,
     ]
+    bounded = np.flatnonzero(np.isfinite(problem.target.lower))
+    if len(bounded) > 0:
+        constraints += [
+            e[bounded] >= problem.target.lower[bounded],
+            e[bounded] <= problem.target.upper[bounded],
+        ]
+    above: Any = None
+    below: Any = None
+    if len(problem.absolute_value) > 0:
+        inside: Any = problem.absolute_value + problem.absolute_rows @ z
+        above, below = inside <= y, -inside <= y
+        cost += problem.absolute_weight @ y
+        constraints += [above, below]
     path: Any = None
     if len(problem.path_room) > 0:
         path = problem.path_rows @ z <= problem.path_room + s[problem.path_kind]
@@ -87,7 +105,7 @@ def solve_subproblem_cvxpy(
 
     if solver not in cp.installed_solvers():
         raise ValueError(f"solver: expected one of {cp.installed_solvers()}, got {solver!r}")
-    program = cp.Problem(cp.Minimize(effort + miss + excess), constraints)
+    program = cp.Problem(cp.Minimize(cost + miss + excess), constraints)
     try:
         program.solve(solver=solver)
     except cp.error.SolverError:  # the solver gave up: an outcome, not a misuse
@@ -100,6 +118,9 @@ def solve_subproblem_cvxpy(
         target_multiplier=np.asarray(target.dual_value),
         bank_multiplier=np.asarray(bank_upper.dual_value - bank_lower.dual_value),
         path_multiplier=np.zeros(0) if path is None else np.asarray(path.dual_value),
+        absolute_multiplier=(
+            np.zeros(0) if above is None else np.asarray(above.dual_value - below.dual_value)
+        ),
         status=STATUS.get(program.status, str(program.status)),
     )
 
@@ -107,9 +128,10 @@ def solve_subproblem_cvxpy(
 def _unsolved(problem: ConvexSubproblem, status: str) -> Step:
     return Step(
         z=np.full(len(problem.gradient), np.nan),
-        slack=np.full(N_LIMITS, np.nan),
+        slack=np.full(problem.n_limits, np.nan),
         target_multiplier=np.full(len(problem.target_error), np.nan),
         bank_multiplier=np.full(len(problem.rate), np.nan),
         path_multiplier=np.full(len(problem.path_room), np.nan),
+        absolute_multiplier=np.full(len(problem.absolute_value), np.nan),
         status=status,
     )

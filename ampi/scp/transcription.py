@@ -3,7 +3,7 @@
 On segment s with collocation rows i and nodal rows j (Garg et al. 2011),
 
     R_s = Σ_j D̄_ij x_j − h_s f(x_i, u_i, t_i) = 0,   h_s = α_s + β_s t_f,       (1)
-    ∫ u² dt = Σ_s h_s Σ_i w_i u_i².                                              (2)
+    ∫ L dt = Σ_s h_s Σ_i w_i L_i.                                                (2)
 
 Arrays are node-major: x (n, 7), one row per node. Collocation quantities have n − 1 rows: node 0 is
 not collocated, and every other node is collocated in exactly one segment.
@@ -52,10 +52,6 @@ class RadauTranscription:
         for s in self.mesh.segments:
             out[s.collocation] += s.rule.derivative @ x[s.nodes]
         return out
-
-    def effort(self, u: Array, final_time: float) -> float:
-        """∫ û² dt of Eq. (2); u (n − 1,) at the collocation points."""
-        return float(np.sum(self.half_lengths(final_time) * self.weights * u * u))
 
     def nodal_rate(self, u: Array) -> Array:
         """Bank rate at all n nodes; the first by the first segment's own polynomial."""

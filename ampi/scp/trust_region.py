@@ -17,6 +17,7 @@ class TrustRegionSettings:
     """Dimensionless constants of the radius update."""
 
     initial: float = 0.3  # rad
+    estimate: float = 0.02  # rad: the step that only tells multipliers
     largest: float = 4.0  # rad
     smallest: float = 1e-6  # rad: below, the solve has stalled
     accept: float = 1e-3  # least ratio of actual to predicted reduction

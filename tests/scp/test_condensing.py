@@ -7,6 +7,7 @@ import pytest
 from numpy.typing import NDArray
 
 from ampi.scp.condensing import Iterate
+from ampi.scp.cost import add_rate_curvature
 from ampi.scp.iterate import Flight, Linearised, Point
 from ampi.scp.quadratic_model import Multipliers, _lagrangian_hessian
 
@@ -63,7 +64,10 @@ def random_multipliers(n_nodes: int) -> Multipliers:
     """Multipliers of every kind."""
     rng = np.random.default_rng(11)
     return Multipliers(
-        rng.normal(size=4), rng.uniform(size=(n_nodes, 3)), 0.1 * rng.normal(size=n_nodes)
+        rng.normal(size=4),
+        rng.uniform(size=(n_nodes, 3)),
+        0.1 * rng.normal(size=n_nodes),
+        np.zeros(0),
     )
 
 
@@ -159,13 +163,13 @@ def test_multipliers_give_the_reduced_gradient(
     flying: Flight, point: Point, linearised: Linearised
 ) -> None:
     # The adjoint law: for a rate at one node, dF/du = −μᵀ h B there, B in the bank row alone.
-    multipliers = Multipliers(np.array([0.3, -1.0, 2.0, 0.7]), np.zeros((1, 3)), np.zeros(1))
+    target = np.array([0.3, -1.0, 2.0, 0.7])
     nodes = np.zeros_like(point.iterate.states)
-    nodes[-1, :4] = multipliers.target
+    nodes[-1, :4] = target
     mu = linearised.condensed.multipliers(nodes)
     half = flying.transcription.half_lengths(point.iterate.final_time)
     by_adjoint = -half * flying.problem.bank_rate_limit * mu[:, 6]
-    direct = multipliers.target @ linearised.condensed.state_map[-1, :4]
+    direct = target @ linearised.condensed.state_map[-1, :4]
     assert by_adjoint == pytest.approx(direct[:-2], rel=1e-8, abs=1e-12)
 
 
@@ -174,6 +178,9 @@ def test_reduced_hessian_is_the_derivative_of_the_reduced_gradient(
 ) -> None:
     multipliers = random_multipliers(len(point.iterate.states))
     hessian = _lagrangian_hessian(flying, point, linearised, multipliers)
+    t, here, effort = flying.transcription, point.iterate, np.zeros_like(hessian)
+    add_rate_curvature(effort, flying.problem.objective, t, here, multipliers.absolute, 100.0)
+    hessian -= effort  # tested with the cost
     assert hessian == pytest.approx(hessian.T, abs=1e-10 * np.abs(hessian).max())
     for d in directions(len(hessian)):
         ahead = flown(flying, point, linearised, STEP * d)

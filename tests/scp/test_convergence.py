@@ -24,7 +24,7 @@ def final_state(
     faster: float = 0.0,
 ) -> np.ndarray:
     """A scaled final state off the target by metres and m/s."""
-    h, lon, lat, v = problem.target
+    h, lon, lat, v = problem.target.reference
     lat = lat + north / EARTH
     lon = lon + east / (EARTH * np.cos(lat))
     return np.array([h + up / 1e4, lon, lat, v + faster / 1e3, -0.1, 0.2, 0.3])

@@ -6,8 +6,10 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from numpy.typing import NDArray
 
-from ampi.scp.elastic_target import huber, is_elastic, reference_price
+from ampi.scp.elastic_target import elastic_cost, held_targets, is_elastic, reference_price
+from ampi.scp.problem import Target
 
 laws = settings(deadline=None, max_examples=200)
 errors = st.floats(-10.0, 10.0)
@@ -15,9 +17,15 @@ weights = st.floats(0.1, 100.0)
 prices = st.floats(0.1, 100.0)
 
 
+def weighted(weights: NDArray[np.float64]) -> Target:
+    """Rows with weights and no bounds."""
+    m = len(weights)
+    return Target(np.arange(m), np.zeros(m), weights, np.full(m, -np.inf), np.full(m, np.inf))
+
+
 def phi(error: float, weight: float, price: float) -> float:
     """One term of Eq. (2)."""
-    return huber(np.array([error]), np.array([weight]), np.array([price]))
+    return elastic_cost(np.array([error]), weighted(np.array([weight])), np.array([price]))
 
 
 @laws
@@ -62,7 +70,7 @@ def test_huber_adds_up_over_the_targets() -> None:
     error = np.array([0.1, -3.0, 0.0, 2.0])
     weight, price = np.array([1.0, 2.0, 3.0, 4.0]), np.array([5.0, 1.0, 1.0, 20.0])
     terms = [phi(*row) for row in zip(error, weight, price, strict=True)]
-    assert huber(error, weight, price) == pytest.approx(sum(terms))
+    assert elastic_cost(error, weighted(weight), price) == pytest.approx(sum(terms))
     assert terms == pytest.approx([0.01, 3.0 - 0.125, 0.0, 16.0])
 
 
@@ -97,3 +105,24 @@ def test_a_multiplier_at_its_price_is_elastic() -> None:
     price = np.array([1.0, 2.0, 3.0, 4.0])
     got = is_elastic(np.array([0.5, -2.0, 2.96, 3.99]), price)
     assert got.tolist() == [False, True, False, True]
+
+
+@laws
+@given(error=errors, lower=st.floats(-3.0, 0.0), width=st.floats(0.0, 4.0), price=prices)
+def test_a_bounded_row_costs_its_distance_from_the_range(
+    error: float, lower: float, width: float, price: float
+) -> None:
+    row = Target(
+        np.arange(1), np.zeros(1), np.zeros(1), np.array([lower]), np.array([lower + width])
+    )
+    got = elastic_cost(np.array([error]), row, np.array([price]))
+    inside = np.clip(error, lower, lower + width)
+    assert got == pytest.approx(price * abs(error - inside), rel=1e-12, abs=1e-12)
+
+
+def test_what_holds_the_step() -> None:
+    # Weighted, exact, at the edge of its range, inside it, and bought off.
+    weight, edge = np.array([1.0, 0.0, 0.0, 0.0, 0.0]), np.array([np.inf, 0.0, 1.0, 1.0, 0.0])
+    target = Target(np.arange(5), np.zeros(5), weight, -edge, edge)
+    held = held_targets(target, np.array([0.0, 0.0, 0.3, 1e-9, 2.0]), np.full(5, 2.0))
+    assert held.tolist() == [True, True, True, False, False]

@@ -120,9 +120,12 @@ def test_a_trajectory_on_another_mesh_is_resampled(mission: Mission, nominal: Tr
     other = on_another_mesh(mission)
     guess = from_trajectory(nominal, other)
     times = other.pseudospectral_mesh.times(nominal.final_time)
-    states, rate = nominal.at(np.minimum(times, nominal.final_time))
+    states, _ = nominal.at(np.minimum(times, nominal.final_time))
     assert guess.states == pytest.approx(states.T)
-    assert guess.bank_rate == pytest.approx(rate)
+    for s in other.pseudospectral_mesh.segments:  # the rate of the bank angle on the new mesh
+        half = s.half_length[0] + s.half_length[1] * nominal.final_time
+        turned = half * guess.bank_rate[1:][s.collocation]
+        assert turned == pytest.approx(s.rule.derivative @ states[6, s.nodes], abs=1e-12)
     assert guess.states[0] == pytest.approx(nominal.states[:, 0])
     assert guess.states[-1] == pytest.approx(nominal.states[:, -1])
     solved = solve(other, guess=nominal)

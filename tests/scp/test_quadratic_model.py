@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from ampi.missions import Mission
 from ampi.scp.condensing import Iterate
+from ampi.scp.cost import cost_of
 from ampi.scp.iterate import Flight, Linearised, Point
 from ampi.scp.quadratic_model import (
     CurvatureSettings,
@@ -33,8 +34,8 @@ def linearised(flight: Flight, optimum: Point) -> Linearised:
 @pytest.fixture(scope="module")
 def multipliers(flight: Flight, optimum: Point) -> Multipliers:
     """At the optimum, where no limit is active, λ = 2 w e."""
-    zero = Multipliers.zero(flight.problem.mesh.n_nodes)
-    return replace(zero, target=2.0 * flight.problem.target_weights * optimum.target_error)
+    zero = Multipliers.first(flight.problem, optimum)
+    return replace(zero, target=2.0 * flight.problem.target.weight * optimum.target_error)
 
 
 @pytest.fixture(scope="module")
@@ -71,8 +72,8 @@ def test_gradient_is_the_slope_of_the_effort(
     flight: Flight, optimum: Point, linearised: Linearised, convex: ConvexSubproblem
 ) -> None:
     for d in random_directions(len(convex.gradient)):
-        ahead = moved(flight, optimum, linearised, STEP * d).effort
-        behind = moved(flight, optimum, linearised, -STEP * d).effort
+        ahead = moved(flight, optimum, linearised, STEP * d).cost.total
+        behind = moved(flight, optimum, linearised, -STEP * d).cost.total
         slope = (ahead - behind) / (2.0 * STEP)
         assert slope == pytest.approx(convex.gradient @ d, rel=1e-6, abs=1e-6)
 
@@ -118,7 +119,9 @@ def test_hessians_are_positive_definite(
 ) -> None:
     there = flight.linearise(constant_bank_point.iterate)
     rng = np.random.default_rng(0)
-    wild = replace(Multipliers.zero(flight.problem.mesh.n_nodes), target=1e4 * rng.normal(size=4))
+    wild = replace(
+        Multipliers.first(flight.problem, constant_bank_point), target=1e4 * rng.normal(size=4)
+    )
     for met in (None, EVERYTHING, np.array([True, False, True, False])):
         other = quadratic_subproblem(
             flight,
@@ -138,15 +141,18 @@ def test_gauss_newton_is_the_effort_alone(flight: Flight, constant_bank_point: P
         flight,
         point,
         flight.linearise(point.iterate),
-        Multipliers.zero(flight.problem.mesh.n_nodes),
+        Multipliers.first(flight.problem, point),
         met=None,
         settings=CurvatureSettings(free_variables=10.0),
     )
     z = np.zeros(len(model.gradient))
     z[:-2] = np.random.default_rng(1).uniform(-0.2, 0.2, len(z) - 2)
     t, here = flight.transcription, point.iterate
-    effort = flight.problem.effort_weight * t.effort(here.bank_rate + z[:-2], here.final_time)
-    assert point.effort + model.gradient @ z + 0.5 * z @ model.hessian @ z == pytest.approx(effort)
+    changed = replace(here, bank_rate=here.bank_rate + z[:-2])
+    effort = cost_of(flight.problem.objective, t, changed, np.zeros((len(t.weights) + 1, 0))).total
+    assert point.cost.total + model.gradient @ z + 0.5 * z @ model.hessian @ z == pytest.approx(
+        effort
+    )
     diagonal = np.diag(model.hessian)
     assert diagonal[-2:] == pytest.approx(10.0 * diagonal[:-2].mean())
 
@@ -177,7 +183,7 @@ def test_rows_of_the_path_limits_move_with_the_final_time(
         flight,
         point,
         linearised,
-        Multipliers.zero(flight.problem.mesh.n_nodes),
+        Multipliers.first(flight.problem, point),
         met=None,
         settings=CurvatureSettings(screening=0.01),
     )

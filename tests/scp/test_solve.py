@@ -21,6 +21,7 @@ from ampi.scp.guess import ConstantBank, from_trajectory
 from ampi.scp.iterate import Point
 from ampi.scp.penalty import PenaltySettings
 from ampi.scp.problem import OptimalControlProblem
+from ampi.scp.quadratic_model import Multipliers
 from ampi.scp.solve import solve
 from ampi.scp.subproblem import ConvexSubproblem, Step, solve_subproblem
 from ampi.scp.trust_region import TrustRegionSettings
@@ -308,14 +309,15 @@ def test_prices_grow_only_where_something_is_open(
 ) -> None:
     settings = SolverSettings(elastic=ElasticSettings(growth=3.0))
     run = ExactHessianIteration(problem, settings)
-    run.price, run.penalty = np.array([1.0, 2.0, 3.0, 4.0]), 5.0
+    run.multipliers = Multipliers.first(problem, optimum)
+    run.weights.price, run.weights.penalty = np.array([1.0, 2.0, 3.0, 4.0]), 5.0
     assert not run.grow_penalties(optimum)  # nothing is open
     run.multipliers = replace(run.multipliers, target=np.array([0.5, -2.0, 0.0, 4.0]))
     assert run.grow_penalties(optimum)
-    assert run.price == pytest.approx([1.0, 6.0, 3.0, 12.0])
+    assert run.weights.price == pytest.approx([1.0, 6.0, 3.0, 12.0])
     run.multipliers = replace(run.multipliers, target=np.array([0.5, 0.0, 0.0, 12.0]))
     assert not run.grow_penalties(optimum)  # once, then the target counts as out of reach
-    assert run.penalty == 5.0
+    assert run.weights.penalty == 5.0
 
 
 def test_price_and_penalty_grow_on_their_own_counts(
@@ -326,7 +328,8 @@ def test_price_and_penalty_grow_on_their_own_counts(
         penalty=PenaltySettings(growth=10.0, growths=4),
     )
     run = ExactHessianIteration(problem, settings)
-    run.price, run.penalty = np.ones(4), 5.0
+    run.multipliers = Multipliers.first(problem, optimum)
+    run.weights.price, run.weights.penalty = np.ones(4), 5.0
     run.multipliers = replace(run.multipliers, target=np.array([0.0, 1.0, 0.0, 0.0]))
     assert run.grow_penalties(optimum)
     run.multipliers = replace(run.multipliers, target=np.zeros(4))
@@ -335,8 +338,8 @@ def test_price_and_penalty_grow_on_their_own_counts(
     while run.grow_penalties(exceeded):
         grown += 1
     assert grown == 4  # then the limit counts as one that cannot be kept
-    assert run.penalty == pytest.approx(5e4)
-    assert run.price == pytest.approx([1.0, 3.0, 1.0, 1.0])
+    assert run.weights.penalty == pytest.approx(5e4)
+    assert run.weights.price == pytest.approx([1.0, 3.0, 1.0, 1.0])
 
 
 def test_a_neighbour_brings_its_multipliers(
@@ -346,9 +349,9 @@ def test_a_neighbour_brings_its_multipliers(
     run = ExactHessianIteration(problem, SolverSettings())
     run.first_model(optimum, from_trajectory(nominal, mission))
     known = 2.0 * terminal_weights(mission) * terminal_error(mission, nominal)
-    scale = np.array(problem.scaling.states)[:4] / problem.cost_scale
+    scale = np.array(problem.scaling.states)[:4] / problem.objective.cost_scale
     assert run.multipliers.target == pytest.approx(known * scale, rel=1e-6)
-    assert np.all(run.price > np.abs(run.multipliers.target))
+    assert np.all(run.weights.price > np.abs(run.multipliers.target))
 
 
 def test_the_log_says_where_the_time_went(nominal: Trajectory) -> None:

@@ -12,6 +12,7 @@ from ampi.guidance import Guidance
 from ampi.missions.mission import Mission
 from ampi.physics.equations_of_motion import equations_of_motion
 from ampi.scp.derivatives import scaled_dynamics
+from ampi.scp.node_functions import NodeFunctions
 from ampi.simulation.closed_loop import FlightStatus, fly_batch
 from ampi.trajectory import Trajectory
 from database.gains import GainSettings, vertex_gains
@@ -44,7 +45,7 @@ def witness(mission: Mission, nominal: Trajectory) -> Array:
     inverse_r = settings.bank_rate**2 * t_f
     q = np.zeros((7, 7))
     q[6, 6] = 1.0 / (settings.bank_deviation**2 * t_f)
-    dynamics = scaled_dynamics(mission.flight_model, (1.0, 1.0, 1.0), (1.0,) * 7, 1.0, 1)
+    dynamics = scaled_dynamics(mission.flight_model, NodeFunctions(), (1.0,) * 7, 1.0, 1)
 
     def backward(t: float, flat: Array) -> Array:
         s = flat.reshape(7, 7)

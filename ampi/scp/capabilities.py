@@ -1,0 +1,93 @@
+"""What a method can be asked for: constraints and objective terms of a mission, by name.
+
+A method declares what it knows once; `check` compares that with what a mission asks for before anything
+is computed, and names the methods that would do.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from ampi.missions.mission import TARGET_WEIGHTS, Mission
+
+TERMS = (
+    "bank_rate_effort",
+    "bank_rate_variation",
+    "flight_time",
+    "heat_load",
+    "ground_range",
+    "descent_rate",
+)
+
+
+class MethodError(ValueError):
+    """A method was asked for what it does not know."""
+
+
+@dataclass(frozen=True)
+class Capabilities:
+    """Names of what a method knows; see `asked_for`."""
+
+    constraints: frozenset[str]
+    terms: frozenset[str]
+
+
+def asked_for(mission: Mission) -> tuple[list[str], list[str]]:
+    """Optional constraints and objective terms of a mission, by their names in its file."""
+    limits, target, objective = mission.limits, mission.target, mission.objective
+    constraints = {
+        "bank_angle_minimum": limits.bank_angle_minimum > 0.0,
+        "drag_floor": limits.drag_floor is not None,
+        "no_fly_zone": bool(mission.no_fly_zone),
+        "final flight_path_angle": target.flight_path_angle is not None,
+        "final azimuth": target.azimuth is not None,
+        "free position": target.position == "free",
+        "fixed phases": len(mission.mesh.phase) > 1,
+    }
+    terms = {name: getattr(objective, name) != 0.0 for name in TERMS}
+    terms["target weights"] = getattr(objective, TARGET_WEIGHTS[0]) is not None
+    return [n for n, asked in constraints.items() if asked], [
+        n for n, asked in terms.items() if asked
+    ]
+
+
+CONDENSED = Capabilities(
+    constraints=frozenset(
+        {
+            "drag_floor",
+            "no_fly_zone",
+            "final flight_path_angle",
+            "final azimuth",
+            "free position",
+            "fixed phases",
+        }
+    ),
+    terms=frozenset({*TERMS, "target weights"}),
+)
+
+METHODS: Mapping[str, Capabilities] = {"exact_hessian": CONDENSED}
+
+
+def check(mission: Mission, method: str, methods: Mapping[str, Capabilities] = METHODS) -> None:
+    """Refuse a method that is unknown, or that does not know what `mission` asks for.
+
+    Raises
+    ------
+    MethodError
+        One sentence: the constraint or term, the method, and the methods that know it.
+    """
+    if method not in methods:
+        raise MethodError(f"method: expected one of {', '.join(methods)}, got {method!r}")
+    for kind, names in zip(("constraints", "terms"), asked_for(mission), strict=True):
+        for name in names:
+            if name in getattr(methods[method], kind):
+                continue
+            able = [other for other, known in methods.items() if name in getattr(known, kind)]
+            whose = (
+                f"{', '.join(able)} know{'s' if len(able) == 1 else ''} it" if able else "none does"
+            )
+            raise MethodError(
+                f"{name}: asked for by mission {mission.name}, not known to method {method!r} "
+                f"({whose}); choose another method or remove it from the mission"
+            )

@@ -1,0 +1,53 @@
+"""What a method may be asked for, and the one sentence when it may not."""
+
+from __future__ import annotations
+
+import pytest
+
+from ampi.missions import Mission, load_mission
+from ampi.missions.mission import shipped_missions
+from ampi.scp.capabilities import CONDENSED, METHODS, Capabilities, MethodError, asked_for, check
+from ampi.scp.solve import solve
+
+OTHERS = {
+    **METHODS,
+    "able": Capabilities(CONDENSED.constraints | {"bank_angle_minimum"}, CONDENSED.terms),
+}
+
+
+def test_the_condensed_method_knows_all_but_a_least_bank_angle() -> None:
+    for name in shipped_missions():
+        constraints, terms = asked_for(load_mission(name))
+        assert set(terms) <= CONDENSED.terms
+        assert set(constraints) - CONDENSED.constraints <= {"bank_angle_minimum"}
+
+
+def test_what_is_asked_for_is_read_from_the_mission() -> None:
+    constraints, terms = asked_for(load_mission("cavh_liu2015"))
+    wanted = {"drag_floor", "no_fly_zone", "final flight_path_angle", "final azimuth"}
+    assert set(constraints) == wanted
+    assert set(terms) == {"flight_time", "bank_rate_effort"}
+    assert asked_for(load_mission("shefex3")) == (
+        ["fixed phases"],
+        ["bank_rate_effort", "target weights"],
+    )
+
+
+def test_a_constraint_that_the_method_does_not_know_is_named() -> None:
+    mission = load_mission("x33_liu2015")
+    with pytest.raises(MethodError, match=r"bank_angle_minimum: .*'exact_hessian' \(none does\)"):
+        solve(mission)
+    with pytest.raises(MethodError, match=r"\(able knows it\); choose another method or remove it"):
+        check(mission, "exact_hessian", OTHERS)
+    check(mission, "able", OTHERS)
+
+
+def test_a_term_that_the_method_does_not_know_is_named(mission: Mission) -> None:
+    poor = {"poor": Capabilities(CONDENSED.constraints, frozenset()), **METHODS}
+    with pytest.raises(MethodError, match=r"bank_rate_effort: .*\(exact_hessian knows it\)"):
+        check(mission, "poor", poor)
+
+
+def test_an_unknown_method_is_named(mission: Mission) -> None:
+    with pytest.raises(MethodError, match=r"method: expected one of exact_hessian, got 'simplex'"):
+        solve(mission, method="simplex")
