@@ -66,22 +66,26 @@ def missions() -> None:
 @app.command()
 def solve(
     mission: MissionArgument,
+    method: Annotated[str, typer.Option(help="exact_hessian, zhou2021, …")] = "exact_hessian",
     bank_angle: Annotated[
         float | None, typer.Option(help="Constant bank angle of the first guess (deg).")
     ] = None,
+    refined: Annotated[bool, typer.Option("--refine", help="Refine the mesh (hp).")] = False,
     table: Annotated[Path | None, typer.Option("--csv", help="Write the nodes as CSV.")] = None,
     plot: Annotated[Path | None, typer.Option(help="Draw the trajectory (PNG, PDF, SVG).")] = None,
     as_json: Json = False,
 ) -> None:
     """Solve a mission's optimal control problem once."""
     from ampi.scp.guess import ConstantBank
+    from ampi.scp.refinement import RefinementSettings
     from ampi.scp.solve import solve as solve_mission
     from ampi.simulation.reintegration import reintegrate
 
     with _told():
         loaded = load_mission(mission)
         guess = None if bank_angle is None else ConstantBank(float(np.radians(bank_angle)))
-        optimum = solve_mission(loaded, guess=guess)
+        refinement = RefinementSettings() if refined else None
+        optimum = solve_mission(loaded, method=method, guess=guess, refinement=refinement)
         summary = optimum.summary()
         if np.isfinite(optimum.final_time):
             check = reintegrate(loaded, optimum)

@@ -58,7 +58,7 @@ class IterationRecord:
     iteration: int
     cost: float
     merit: float
-    step: float  # ‖δσ‖_∞, rad
+    step: float  # ‖δσ‖_∞ (exact_hessian) or of longitude and latitude (literature), rad
     final_time: float  # s
     trust_radius: float  # rad
     ratio: float  # actual over predicted reduction

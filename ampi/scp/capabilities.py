@@ -66,7 +66,25 @@ CONDENSED = Capabilities(
     terms=frozenset({*TERMS, "target weights"}),
 )
 
-METHODS: Mapping[str, Capabilities] = {"exact_hessian": CONDENSED}
+OVER_TIME = Capabilities(  # the literature's methods over time
+    constraints=CONDENSED.constraints - {"fixed phases"}, terms=frozenset(TERMS)
+)
+OVER_ENERGY = Capabilities(
+    constraints=OVER_TIME.constraints | {"bank_angle_minimum"},
+    terms=frozenset({"flight_time", "heat_load", "ground_range"}),
+)
+
+METHODS: Mapping[str, Capabilities] = {
+    "exact_hessian": CONDENSED,
+    "zhou2021": OVER_TIME,
+    "zhou2021_fixed": OVER_TIME,
+    "liu2015": OVER_ENERGY,
+    "wang2020_scp": OVER_TIME,
+    "wang2020_pscp": OVER_TIME,
+    "wang2020": OVER_TIME,
+    "liu2024_hp": OVER_TIME,
+    "liu2024": OVER_TIME,
+}
 
 
 def check(mission: Mission, method: str, methods: Mapping[str, Capabilities] = METHODS) -> None:

@@ -25,6 +25,7 @@ Array = NDArray[np.float64]
 
 LONGEST = 1500.0  # s
 NODES = 24
+JUMP = 0.01  # s, in which the bank angle may change at the handover
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,5 +94,6 @@ def _fly(
     )
     if flight.status != 1 or flight.sol is None:
         return None
-    times = np.linspace(0.0, float(flight.t[-1]), NODES)
+    end = float(flight.t[-1])
+    times = np.append(np.linspace(0.0, end - JUMP, NODES - 1), end)
     return Coast(times, flight.sol(times))

@@ -53,15 +53,6 @@ class FinalState:
     upper: float
 
 
-@dataclass(frozen=True, eq=False)
-class Guess:
-    """States (n, n_x), controls (n, n_u) and final value of the independent variable."""
-
-    states: Array
-    controls: Array
-    final: float
-
-
 @dataclass(frozen=True)
 class Linearisation:
     """Values and derivatives at n nodes: k limits, m integrands."""
@@ -82,19 +73,70 @@ class Linearisation:
 class Formulation(Protocol):
     """What the successive convexification needs to know."""
 
-    n_states: int
-    n_controls: int
-    state_scale: Array  # SI or rad per scaled unit (n_x,)
-    final_scale: float  # of the subproblem's δs
-    entry: Array  # (n_x,), NaN where free
-    target: tuple[FinalState, ...]
-    terms: tuple[Term, ...]
-    final_cost: float  # c_s
-    final_is_free: bool
-    state_bounds: tuple[Array, Array]  # (n_x,) each
-    control_bounds: tuple[Array, Array]  # (n_u,) each
-    control_cone: bool
-    limit_names: tuple[str, ...]
+    @property
+    def n_states(self) -> int:
+        """Number of states."""
+        ...
+
+    @property
+    def n_controls(self) -> int:
+        """Number of controls."""
+        ...
+
+    @property
+    def state_scale(self) -> Array:
+        """SI or rad per scaled unit (n_x,)."""
+        ...
+
+    @property
+    def final_scale(self) -> float:
+        """Of the subproblem's δs."""
+        ...
+
+    @property
+    def entry(self) -> Array:
+        """(n_x,), NaN where free."""
+        ...
+
+    @property
+    def target(self) -> tuple[FinalState, ...]:
+        """Final states that are held."""
+        ...
+
+    @property
+    def terms(self) -> tuple[Term, ...]:
+        """Terms of the objective."""
+        ...
+
+    @property
+    def final_cost(self) -> float:
+        """C_s."""
+        ...
+
+    @property
+    def final_is_free(self) -> bool:
+        """Whether s_f is free."""
+        ...
+
+    @property
+    def state_bounds(self) -> tuple[Array, Array]:
+        """(n_x,) each."""
+        ...
+
+    @property
+    def control_bounds(self) -> tuple[Array, Array]:
+        """(n_u,) each."""
+        ...
+
+    @property
+    def control_cone(self) -> bool:
+        """Whether ‖u‖ ≤ 1 holds at every node."""
+        ...
+
+    @property
+    def limit_names(self) -> tuple[str, ...]:
+        """Kinds of limits, in order."""
+        ...
 
     def linearise(self, mesh: Mesh, x: Array, u: Array, final: float) -> Linearisation:
         """Eq. (1) and its derivatives at the nodes."""
@@ -129,13 +171,12 @@ class TracedFunctions:
             rates, limits, integrands = build(x, u, s)
         finally:
             ca.GlobalOptions.setNumpyMode(previous)
-        f, g, integrand = ca.vertcat(*rates), ca.vertcat(*limits), ca.vertcat(*integrands)
+        f, g = ca.vertcat(*rates), ca.vertcat(*limits)
+        integrand: Any = ca.vertcat(*integrands)
         xu = ca.vertcat(x, u)
-        diagonal = [
-            ca.jacobian(ca.jacobian(integrand[k], xu), xu) for k in range(integrand.numel())
-        ]
-        curvature = ca.vertcat(*(ca.diag(d).T for d in diagonal)) if diagonal else ca.SX(0, 0)
-        outputs = [
+        second: list[Any] = [ca.hessian(integrand[k], xu)[0] for k in range(integrand.numel())]
+        curvature: Any = ca.vertcat(*(ca.diag(h).T for h in second)) if second else ca.SX(0, 0)
+        outputs: list[Any] = [
             *(f, ca.jacobian(f, x), ca.jacobian(f, u), ca.jacobian(f, s)),
             *(g, ca.jacobian(g, x), ca.jacobian(g, s)),
             *(integrand, ca.jacobian(integrand, x), ca.jacobian(integrand, u), curvature),

@@ -187,9 +187,9 @@ def _trajectory(
             iteration=k,
             cost=row.cost / linearised.cost_scale,
             merit=np.nan,
-            step=float(np.max(row.change)),
+            step=float(np.max(np.array(row.change)[1:3])),
             final_time=row.final,
-            trust_radius=row.relaxation,
+            trust_radius=np.nan,
             ratio=np.nan,
             accepted=True,
             subproblem=row.status,
@@ -314,6 +314,12 @@ WANG = Method(
     max_iterations=40,
 )
 
+REDUCED = ModifiedHpSettings(
+    # the bank angle flown is the polynomial itself: it has no error
+    tolerance=(110.0, 1.7e-5, 1.7e-5, 2.75, 5.5e-4, 5.5e-4, np.inf),
+    limit_tolerance=0.0,
+)
+
 LIU_2024 = Method(
     source="Liu et al. 2024, modified hp with reduction, variable quadratic penalty",
     start=flown(uniform(16, 8)),  # [X] as everything here: the paper's settings are lost
@@ -326,13 +332,9 @@ LIU_2024 = Method(
         (100.0, 0.05 * DEGREE, 0.05 * DEGREE, 5.0, 0.05 * DEGREE, 0.2 * DEGREE, DEGREE)
     ),
     max_iterations=40,
-    limit_margin=1.5e-3,
+    limit_margin=2e-3,
     penalty=VariableQuadraticPenalty(),
-    refinement=ModifiedHpSettings(
-        # the bank angle flown is the polynomial itself: it has no error
-        tolerance=(110.0, 1.7e-5, 1.7e-5, 2.75, 5.5e-4, 5.5e-4, np.inf),
-        limit_tolerance=0.0,
-    ),
+    refinement=REDUCED,
 )
 
 METHODS: dict[str, Method] = {
@@ -349,7 +351,7 @@ METHODS: dict[str, Method] = {
     "liu2024_hp": replace(
         LIU_2024,
         source="Liu et al. 2024, hp without reduction",
-        refinement=replace(LIU_2024.refinement, reduce=False),
+        refinement=replace(REDUCED, reduce=False),
     ),
     "liu2024": LIU_2024,
 }

@@ -25,6 +25,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -191,9 +192,7 @@ class Look:
             parts = max(2, min(4, -(-degree // settings.greatest_degree)))
             each = max(settings.least_degree, -(-degree // (parts + 1)))
             cuts = np.linspace(piece.left, piece.right, parts + 1)
-            out += [
-                Piece(float(a), float(b), each) for a, b in zip(cuts[:-1], cuts[1:], strict=True)
-            ]
+            out += [Piece(float(a), float(b), each) for a, b in pairwise(cuts)]
         return out
 
     def reduced(self, excess: Array) -> list[Piece]:

@@ -4,15 +4,19 @@ from __future__ import annotations
 
 from functools import lru_cache
 
+import numpy as np
 from threadpoolctl import ThreadpoolController
 
-from ampi.missions.mission import Mission
-from ampi.scp.capabilities import check
+from ampi.missions.mission import GuessSection, Mission
+from ampi.scp.capabilities import MethodError, check
 from ampi.scp.exact_hessian import ExactHessianIteration, SolverSettings
 from ampi.scp.guess import ConstantBank, default_guess, nodal_guess
+from ampi.scp.methods import METHODS, solve_by
 from ampi.scp.problem import OptimalControlProblem
 from ampi.scp.refinement import RefinementSettings, refine
-from ampi.trajectory import Trajectory
+from ampi.scp.sparse_subproblem import solve_sparse_subproblem
+from ampi.scp.successive import Solver
+from ampi.trajectory import Status, Trajectory
 
 
 def solve(
@@ -22,6 +26,7 @@ def solve(
     guess: Trajectory | ConstantBank | None = None,
     settings: SolverSettings | None = None,
     refinement: RefinementSettings | None = None,
+    subproblem: Solver | None = None,
 ) -> Trajectory:
     """Solve a mission's optimal control problem.
 
@@ -30,14 +35,19 @@ def solve(
     mission
         From `load_mission`; its entry state may be replaced with `Mission.with_entry`.
     method
-        "exact_hessian", the condensed convexified-exact-Hessian method.
+        "exact_hessian", the condensed convexified-exact-Hessian method, or one of the literature,
+        on its own mesh: see `ampi.scp.methods`.
     guess
-        A neighbouring trajectory, a `ConstantBank`, or None: the mission's own guess, or where it
-        names none, the constant bank angle whose flight ends nearest to the target.
+        A neighbouring trajectory (exact_hessian alone), a `ConstantBank`, or None: the mission's own
+        guess, or where it names none, the constant bank angle whose flight ends nearest to the target.
     settings
-        Solver settings; the defaults need no tuning.
+        Solver settings of exact_hessian; the defaults need no tuning.
     refinement
-        None solves on the mission's mesh; settings refine it until their tolerance or caps.
+        Of exact_hessian: None solves on the mission's mesh; settings refine it until their tolerance
+        or caps.
+    subproblem
+        Of the literature's methods: another solver of the convex subproblem, such as
+        `solve_sparse_subproblem_cvxpy` with a constraint of one's own.
 
     Returns
     -------
@@ -47,9 +57,21 @@ def solve(
     Raises
     ------
     MethodError
-        If the method does not know a constraint or a term of the mission's objective.
+        If the method does not know a constraint, a term of the mission's objective or an argument.
     """
     check(mission, method)
+    if method != "exact_hessian":
+        if isinstance(guess, Trajectory) or settings is not None or refinement is not None:
+            raise MethodError(
+                f"guess as a Trajectory, settings and refinement are arguments of method "
+                f"'exact_hessian', not of {method!r}, which brings its own; leave them out"
+            )
+        return _by_the_literature(mission, method, guess, subproblem)
+    if subproblem is not None:
+        raise MethodError(
+            "subproblem: known to the methods of the literature, not to 'exact_hessian', whose "
+            "subproblem is condensed; choose one of them or leave it out"
+        )
     chosen = settings or SolverSettings()
 
     def solve_on(mission: Mission, guess: Trajectory | ConstantBank | None) -> Trajectory:
@@ -62,6 +84,21 @@ def solve(
         if refinement is None:
             return solve_on(mission, guess)
         return refine(mission, solve_on, guess=guess, settings=refinement)
+
+
+def _by_the_literature(
+    mission: Mission, method: str, guess: ConstantBank | None, subproblem: Solver | None
+) -> Trajectory:
+    if guess is not None:
+        section = GuessSection.model_construct(bank_angle=guess.bank_angle)
+        mission = mission.model_copy(update={"guess": section})
+    with _blas().limit(limits=1):
+        found = solve_by(mission, METHODS[method], subproblem or solve_sparse_subproblem)
+    if found is not None:
+        return found.trajectory
+    mesh = mission.pseudospectral_mesh
+    nothing = np.full((7, mesh.n_nodes), np.nan)
+    return Trajectory(mesh, nothing, nothing[0], np.nan, np.nan, Status.GUESS_FAILED)
 
 
 @lru_cache(maxsize=1)

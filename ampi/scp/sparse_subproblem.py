@@ -74,7 +74,9 @@ class SparseSubproblem:
     gradient: Array  # q (N,)
     curvature: Array  # Q (N,), ≥ 0
     absolute: tuple[AbsoluteTerm, ...]
-    control: Array | None = None  # u (n, 2) where the control cone holds
+    states: Array  # x (n, n_x), scaled: where the linearisation was made
+    controls: Array  # u (n, n_u)
+    control_cone: bool  # ‖u + δu‖ ≤ 1 at every node; n_u = 2
 
     @property
     def width(self) -> int:
@@ -127,7 +129,7 @@ def solve_sparse_subproblem(problem: SparseSubproblem) -> SparseStep:
     equalities, equal_to = _equalities(p)
     inequalities, at_most = _inequalities(p)
     left, right = [equalities, inequalities], [equal_to, at_most]
-    if p.control is not None:
+    if p.control_cone:
         cones, apexes = _control_cones(p, equalities.shape[1])
         left.append(cones)
         right.append(apexes)
@@ -150,7 +152,7 @@ def solve_sparse_subproblem(problem: SparseSubproblem) -> SparseStep:
         np.concatenate(right),
         equalities=len(equal_to),
         inequalities=len(at_most),
-        second_order=(3,) * (0 if p.control is None else p.n_nodes),
+        second_order=(3,) * (p.n_nodes if p.control_cone else 0),
     )
     return _step(p, np.array(solution.x), float(solution.obj_val), str(solution.status))
 
@@ -239,11 +241,10 @@ def _inequalities(p: SparseSubproblem) -> tuple[sparse.csr_array, Array]:
 
 def _control_cones(p: SparseSubproblem, columns: int) -> tuple[sparse.csr_array, Array]:
     """(1, u + δu) in the second-order cone, node after node: three rows each."""
-    assert p.control is not None
     node = np.arange(p.n_nodes)
     start = p.n_nodes * p.n_states
     row = np.concatenate([3 * node + 1, 3 * node + 2])
     column = np.concatenate([start + 2 * node, start + 2 * node + 1])
     shape = (3 * p.n_nodes, columns)
     rows = sparse.csr_array((-np.ones(2 * p.n_nodes), (row, column)), shape=shape)
-    return rows, np.column_stack([np.ones(p.n_nodes), p.control]).ravel()
+    return rows, np.column_stack([np.ones(p.n_nodes), p.controls]).ravel()

@@ -3,10 +3,11 @@
 The readable form of what `solve_sparse_subproblem` assembles for Clarabel: the same data, the same
 step, with any conic solver that cvxpy knows. It is also the place for a convex constraint of one's own:
 
-    def stay_south(dx, du, ds):                   # dx (n, n_x), du (n, n_u), ds: cvxpy expressions
-        return [x_ref[:, 2] + dx[:, 2] <= np.radians(30.0)]
+    def stay_south(x, u):                         # x (n, n_x), u (n, n_u): cvxpy expressions, scaled
+        return [x[:, 2] <= np.radians(19.0)]      # latitude, node by node
 
-    solve(mission, method="zhou2021", extra_constraints=stay_south)
+    subproblem = partial(solve_sparse_subproblem_cvxpy, extra_constraints=stay_south)
+    ampi.solve(mission, method="wang2020", subproblem=subproblem)
 """
 
 from __future__ import annotations
@@ -23,7 +24,7 @@ from ampi.scp.subproblem_cvxpy import STATUS
 
 Array = NDArray[np.float64]
 
-ExtraConstraints = Callable[[Any, Any, Any], list[cp.Constraint]]
+ExtraConstraints = Callable[[Any, Any], list[cp.Constraint]]
 
 
 def solve_sparse_subproblem_cvxpy(
@@ -38,7 +39,7 @@ def solve_sparse_subproblem_cvxpy(
     problem
         Data of the subproblem.
     extra_constraints
-        Given δx (n, n_x), δu (n, n_u) and δs, all scaled, returns further convex constraints.
+        Given x + δx (n, n_x) and u + δu (n, n_u), scaled, returns further convex constraints.
     solver
         Name of an installed cvxpy solver for conic programs.
     """
@@ -77,10 +78,10 @@ def solve_sparse_subproblem_cvxpy(
         constraints.append(relaxation == 1.0)
     else:
         cost += p.trust_price * relaxation
-    if p.control is not None:
-        constraints.append(cp.norm(p.control + du, axis=1) <= 1.0)
+    if p.control_cone:
+        constraints.append(cp.norm(p.controls + du, axis=1) <= 1.0)
     if extra_constraints is not None:
-        constraints.extend(extra_constraints(dx, du, change[p.width - 1]))
+        constraints.extend(extra_constraints(p.states + dx, p.controls + du))
     program = cp.Problem(cp.Minimize(cost), constraints)
     try:
         program.solve(solver=solver)

@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,7 +23,7 @@ from scipy import sparse
 
 from ampi.pseudospectral.mesh import Mesh
 from ampi.scp.collocation import Collocation
-from ampi.scp.formulation import Formulation, Guess, Linearisation, TermKind
+from ampi.scp.formulation import Formulation, Linearisation, TermKind
 from ampi.scp.sparse_subproblem import (
     AbsoluteTerm,
     SparseStep,
@@ -143,7 +143,9 @@ class Linearised:
             gradient=gradient,
             curvature=curvature,
             absolute=absolute,
-            control=u if form.control_cone else None,
+            states=x,
+            controls=u,
+            control_cone=form.control_cone,
         )
 
     def cost(self, rule: Collocation, at: Iterate) -> float:
