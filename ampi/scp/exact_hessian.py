@@ -27,6 +27,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from ampi.scp.active_set import solve_active_set
 from ampi.scp.condensing import CondensedDynamics, Iterate
 from ampi.scp.convergence import ConvergenceSettings, verdict
 from ampi.scp.convexify import CurvatureFloor
@@ -263,7 +264,7 @@ class ExactHessianIteration:
     ) -> _Candidate:
         """Solve the subproblem and fly its step."""
         clock = time.perf_counter()
-        step = solve_subproblem(convex)
+        step = solve_active_set(convex) or solve_subproblem(convex)
         self.subproblem_seconds += time.perf_counter() - clock
         if not step.usable:
             return _Candidate(step, None, -np.inf)
