@@ -1,0 +1,87 @@
+"""A worker process: `python -m database.worker`. Takes jobs on its standard input, one at a time.
+
+Messages are pickles on the two pipes that its supervisor holds:
+
+    supervisor → worker    Job
+    worker → supervisor    Ready | Began(attempt) | Kept | Raised(error)
+
+A process of its own, and not a thread or a fork: native code may crash or hang, and then the kernel
+ends the process and nothing else. Started as a command, it needs neither a guarded main module nor the
+permission to have children that daemonic processes lack.
+"""
+
+from __future__ import annotations
+
+import os
+import pickle
+import queue
+import signal
+import sys
+import threading
+from dataclasses import dataclass
+from typing import IO
+
+from database.jobs import Job
+
+
+@dataclass(frozen=True)
+class Ready:
+    """The worker has started."""
+
+
+@dataclass(frozen=True)
+class Began:
+    """An attempt begins."""
+
+    attempt: int
+
+
+@dataclass(frozen=True)
+class Kept:
+    """The job's result is on disk."""
+
+
+@dataclass(frozen=True)
+class Raised:
+    """The job could not keep a result."""
+
+    error: BaseException
+
+
+Message = Ready | Began | Kept | Raised
+
+
+def main() -> None:
+    """Serve until the supervisor closes the pipe or dies."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the supervisor decides what an interrupt means
+    replies = os.fdopen(os.dup(1), "wb")
+    os.dup2(2, 1)  # what a library prints must not mix with the replies
+    jobs: queue.SimpleQueue[Job] = queue.SimpleQueue()
+    threading.Thread(target=_receive, args=(sys.stdin.buffer, jobs), daemon=True).start()
+
+    def send(message: Message) -> None:
+        pickle.dump(message, replies)
+        replies.flush()
+
+    send(Ready())
+    while True:
+        job = jobs.get()
+        try:
+            job.run(lambda attempt: send(Began(attempt)))
+        except Exception as error:  # the supervisor tells the user
+            send(Raised(error))
+        else:
+            send(Kept())
+
+
+def _receive(pipe: IO[bytes], jobs: queue.SimpleQueue[Job]) -> None:
+    """Jobs into the queue; when the supervisor is gone, nobody waits for this process."""
+    while True:
+        try:
+            jobs.put(pickle.load(pipe))
+        except (EOFError, OSError):
+            os._exit(0)
+
+
+if __name__ == "__main__":
+    main()
