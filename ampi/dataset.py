@@ -31,6 +31,7 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
+from ampi.file_sink import FileSink
 from ampi.missions.mission import Mission, parse_mission
 from ampi.trajectory import Statistics, Status, Trajectory
 
@@ -285,30 +286,35 @@ def write_dataset(
     """
     temporary = path.with_name(path.name + ".tmp")
     try:
-        with h5py.File(temporary, "w", track_order=False, userblock_size=SEAL_BYTES) as file:
-            for key, value in attributes.items():
-                file.attrs[key] = value
-            for name, axis in zip(names, axes, strict=True):
-                _write_scale(file, f"axis_{name}", axis, name, axis_units[name], f"entry {name}")
-            for name, scale_values in scales.items():
-                _write_scale(file, name, scale_values, name, "1", f"{name} labels")
-            for name, field in FIELDS.items():
-                _create_field(file, name, field, names, block_shape)
-            for name, value in values.items():
-                file[name][...] = value
-            for slices, block in blocks:
-                for name, value in block.items():
-                    file[name][slices] = value
-            file["status"].attrs["meanings"] = "; ".join(
-                f"{int(s)} {s.name}: {s.sentence}" for s in Status
-            )
-            file.attrs[DIGEST] = content_digest(file)
-        with temporary.open("rb+") as handle:
-            seal = _seal(handle)
-            handle.seek(0)
-            handle.write(seal)
-            handle.flush()
-            os.fsync(handle.fileno())
+        with FileSink(temporary, "w+") as sink:
+            try:
+                with h5py.File(sink, "w", track_order=False, userblock_size=SEAL_BYTES) as file:
+                    for key, value in attributes.items():
+                        file.attrs[key] = value
+                    for name, axis in zip(names, axes, strict=True):
+                        label, units = f"entry {name}", axis_units[name]
+                        _write_scale(file, f"axis_{name}", axis, name, units, label)
+                    for name, scale_values in scales.items():
+                        _write_scale(file, name, scale_values, name, "1", f"{name} labels")
+                    for name, field in FIELDS.items():
+                        _create_field(file, name, field, names, block_shape)
+                    for name, value in values.items():
+                        file[name][...] = value
+                    for slices, block in blocks:
+                        sink.check()
+                        for name, value in block.items():
+                            file[name][slices] = value
+                    file["status"].attrs["meanings"] = "; ".join(
+                        f"{int(s)} {s.name}: {s.sentence}" for s in Status
+                    )
+                    file.attrs[DIGEST] = content_digest(file)
+            finally:
+                sink.check()  # why HDF5 could not read back what it wrote
+            seal = _seal(sink)
+            sink.seek(0)
+            sink.write(seal)
+            sink.check()
+            os.fsync(sink.fileno())
         with h5py.File(temporary, "r") as file:
             check_whole(file, temporary)  # what cannot be read back never gets the real name
         temporary.replace(path)

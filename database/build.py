@@ -277,17 +277,23 @@ def _told(folder: Path, path: Path) -> Iterator[None]:
             f"{path} is being built by {locked.holder}; wait for it, or choose another path"
         ) from None
     except OSError as error:
-        where = error.filename or folder
-        way_out = {
-            errno.ENOSPC: "make room and run the same build again",
-            errno.EDQUOT: "make room and run the same build again",
-            errno.EROFS: "choose a folder that can be written",
-            errno.EACCES: "choose a folder that can be written",
-        }.get(error.errno or 0, "run the same build again when that is mended")
         reason = error.strerror or str(error)
-        raise BuildError(f"{where}: {reason}; {_kept(folder)}{way_out}") from None
+        way_out = _WAYS_OUT.get(error.errno or 0, "run the same build again when that is mended")
+        raise BuildError(
+            f"{error.filename or folder}: {reason}; {_kept(folder)}{way_out}"
+        ) from None
     except RuntimeError as error:
         raise BuildError(f"{path}: {error}; {_kept(folder)}run the same build again") from None
+
+
+_WAYS_OUT = {
+    errno.ENOSPC: "make room and run the same build again",
+    errno.EDQUOT: "make room and run the same build again",
+    errno.EFBIG: "allow larger files and run the same build again",
+    errno.EROFS: "choose a folder that can be written",
+    errno.EACCES: "choose a folder that can be written",
+    errno.EPERM: "choose a folder that can be written",
+}
 
 
 def _kept(folder: Path) -> str:

@@ -25,6 +25,4 @@ def neighbour_moved(mission: Mission, *, guess: Trajectory | None = None) -> Tra
     states = guess.states.copy()
     states[:6] += np.outer(mission.entry_state - states[:6, 0], fading)
     states[:6, 0] = mission.entry_state
-    return replace(
-        guess, states=states, status=Status.SOLVED, statistics=Statistics(iterations=1)
-    )
+    return replace(guess, states=states, status=Status.SOLVED, statistics=Statistics(iterations=1))

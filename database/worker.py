@@ -1,4 +1,4 @@
-"""A worker process: `python -m database.worker`. Takes jobs on its standard input, one at a time.
+"""A worker process: takes jobs on its standard input, one at a time (database.supervisor starts it).
 
 Messages are pickles on the two pipes that its supervisor holds:
 
@@ -45,7 +45,7 @@ class Kept:
 class Raised:
     """The job could not keep a result."""
 
-    error: BaseException
+    error: Exception
 
 
 Message = Ready | Began | Kept | Raised
@@ -60,16 +60,21 @@ def main() -> None:
     threading.Thread(target=_receive, args=(sys.stdin.buffer, jobs), daemon=True).start()
 
     def send(message: Message) -> None:
-        pickle.dump(message, replies)
-        replies.flush()
+        try:
+            pickle.dump(message, replies)
+            replies.flush()
+        except BrokenPipeError:
+            os._exit(0)
 
     send(Ready())
     while True:
         job = jobs.get()
         try:
             job.run(lambda attempt: send(Began(attempt)))
-        except Exception as error:  # the supervisor tells the user
+        except OSError as error:  # a full disk, a folder gone: the supervisor tells the user
             send(Raised(error))
+        except Exception as error:  # an error of any class may not survive the pipe
+            send(Raised(RuntimeError(f"{type(error).__name__}: {error}")))
         else:
             send(Kept())
 
@@ -81,7 +86,3 @@ def _receive(pipe: IO[bytes], jobs: queue.SimpleQueue[Job]) -> None:
             jobs.put(pickle.load(pipe))
         except (EOFError, OSError):
             os._exit(0)
-
-
-if __name__ == "__main__":
-    main()
