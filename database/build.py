@@ -32,7 +32,7 @@ from database.blocks import Block, blocks
 from database.continuation import layers
 from database.engines import ClusterEngine, Engine, LocalEngine
 from database.gains import GainSettings
-from database.jobs import TIME_LIMIT, AssembleBlock, Campaign, Job, SolveCase, Solver
+from database.jobs import TIME_LIMIT, AssembleBlock, Campaign, Job, JobError, SolveCase, Solver
 from database.lock import LockedError, exclusive
 from database.records import (
     CaseRecord,
@@ -282,7 +282,7 @@ def _told(folder: Path, path: Path) -> Iterator[None]:
         raise BuildError(
             f"{error.filename or folder}: {reason}; {_kept(folder)}{way_out}"
         ) from None
-    except RuntimeError as error:
+    except JobError as error:
         raise BuildError(f"{path}: {error}; {_kept(folder)}run the same build again") from None
 
 

@@ -13,7 +13,7 @@ from concurrent.futures import ThreadPoolExecutor
 from functools import lru_cache
 from typing import Any, Protocol
 
-from database.jobs import Job
+from database.jobs import Job, JobError
 from database.supervisor import Supervisor
 
 RETRIES = 3  # of a job that raises on a cluster: a folder may be out of reach for a moment
@@ -85,7 +85,7 @@ class ClusterEngine:
             return error
         try:
             job.give_up(f"The cluster lost every worker that tried it: {error}")
-        except (OSError, RuntimeError) as failure:
+        except (OSError, JobError) as failure:
             return failure
         return None
 

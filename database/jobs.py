@@ -42,6 +42,10 @@ PATH_STEPS = (4, 16)  # a failed case is retried along this many steps of p
 TIME_LIMIT = 60.0  # s for one solve: some 300 times what a hard one takes
 
 
+class JobError(RuntimeError):
+    """A job that could not keep a result: the build cannot go on."""
+
+
 class Solver(Protocol):
     """An optimiser: a mission and a neighbour's trajectory in, a trajectory out."""
 
@@ -198,9 +202,8 @@ class AssembleBlock:
         for case in self.block.cases(self.campaign.grid.shape):
             record = load_record(folder, case, mission)
             if record is None:
-                raise FileNotFoundError(
-                    f"{record_path(folder, case)} has disappeared or changed during the build; "
-                    "run the same build again"
+                raise JobError(
+                    f"{record_path(folder, case)} has disappeared or changed during the build"
                 )
             records.append(record)
         with stopped_after(self.campaign.time_limit * len(records)):
@@ -209,12 +212,11 @@ class AssembleBlock:
 
     def without(self, attempt: int) -> Job:
         """There is one way only."""
-        self.give_up("re-integration exceeded its time limit")
-        raise AssertionError
+        raise JobError(f"block {self.block.number}: its re-integration exceeded its time limit")
 
     def give_up(self, reason: str) -> None:
         """A block is part of the file: there is no build without it."""
-        raise RuntimeError(f"block {self.block.number}: {reason}")
+        raise JobError(f"block {self.block.number}: {reason}")
 
 
 def path_to(mission: Mission, grid: Grid, case: int, attempt: Attempt) -> list[Mission]:

@@ -21,7 +21,7 @@ import subprocess
 import sys
 from pathlib import Path
 
-from database.jobs import Job
+from database.jobs import Job, JobError
 from database.worker import Began, Kept, Message, Raised, Ready
 
 DEATHS = 3
@@ -66,7 +66,7 @@ class Worker:
     def wait_ready(self) -> None:
         """Until its imports are done."""
         if not isinstance(self._receive(), Ready):
-            raise RuntimeError("worker: its first message was not that it is ready")
+            raise JobError("worker: its first message was not that it is ready")
 
     def run(self, job: Job) -> None:
         """Until the job's result is kept.
@@ -75,7 +75,7 @@ class Worker:
         ------
         WorkerLost
             If the process ended before.
-        OSError, RuntimeError
+        OSError, JobError
             If the job could not keep its result.
         """
         self.attempt = -1
@@ -175,7 +175,7 @@ class Supervisor:
                 cause = lost.cause
             else:
                 return worker
-        raise RuntimeError(
+        raise JobError(
             f"worker: died {DEATHS} times before its first job, by {cause}; "
             "what it printed on standard error says why"
         )

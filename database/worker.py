@@ -18,10 +18,11 @@ import queue
 import signal
 import sys
 import threading
+import traceback
 from dataclasses import dataclass
 from typing import IO
 
-from database.jobs import Job
+from database.jobs import Job, JobError
 
 
 @dataclass(frozen=True)
@@ -73,8 +74,11 @@ def main() -> None:
             job.run(lambda attempt: send(Began(attempt)))
         except OSError as error:  # a full disk, a folder gone: the supervisor tells the user
             send(Raised(error))
-        except Exception as error:  # an error of any class may not survive the pipe
-            send(Raised(RuntimeError(f"{type(error).__name__}: {error}")))
+        except JobError as error:
+            send(Raised(error))
+        except Exception as error:  # a defect; not every class survives the pipe, its text does
+            traceback.print_exc()
+            send(Raised(JobError(f"{type(error).__name__}: {error}")))
         else:
             send(Kept())
 
