@@ -6,10 +6,7 @@ import os
 import signal
 import sys
 import time
-import zlib
 from pathlib import Path
-
-import numpy as np
 
 import database
 from ampi.missions.mission import Mission, load_mission
@@ -34,7 +31,6 @@ def _one_step(mission: Mission, guess: Trajectory | None) -> bool:
 def hangs_in_native_code(mission: Mission, *, guess: Trajectory | None = None) -> Trajectory:
     """At greater speeds, and in one step of speed only; the interpreter never gets a word in."""
     if _fast(mission) and _one_step(mission, guess):
-        zlib.crc32(np.zeros(1))
         pow(3, 10**9)  # holds the interpreter's lock for hours
     return neighbour_moved(mission, guess=guess)
 
