@@ -32,7 +32,16 @@ from database.blocks import Block, blocks
 from database.continuation import layers
 from database.engines import ClusterEngine, Engine, LocalEngine
 from database.gains import GainSettings
-from database.jobs import TIME_LIMIT, AssembleBlock, Campaign, Job, JobError, SolveCase, Solver
+from database.jobs import (
+    TIME_LIMIT,
+    AssembleBlock,
+    Campaign,
+    Job,
+    JobError,
+    SolveCase,
+    Solver,
+    solver_name,
+)
 from database.lock import LockedError, exclusive
 from database.records import (
     CaseRecord,
@@ -312,13 +321,14 @@ def _refuse_other_database(path: Path, mission: Mission) -> None:
 
 def _claim(folder: Path, campaign: Campaign) -> None:
     """Mark the folder of records as this build's, or refuse it if it is another's."""
-    solver, gains = campaign.solver, asdict(campaign.gains)
-    settings = json.dumps([asdict(SolverSettings()), gains, campaign.time_limit], sort_keys=True)
+    settings = json.dumps(
+        [asdict(SolverSettings()), asdict(campaign.gains), campaign.time_limit], sort_keys=True
+    )
     fingerprint = {
         "mission": campaign.mission.name,
         "mission_sha256": hashlib.sha256(campaign.toml.encode()).hexdigest(),
         "settings_sha256": hashlib.sha256(settings.encode()).hexdigest(),
-        "solver": f"{solver.__module__}.{solver.__qualname__}",
+        "solver": solver_name(campaign.solver),
         "ampi_version": package_version("ampi"),
     }
     found = read_fingerprint(folder)

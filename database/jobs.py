@@ -56,6 +56,11 @@ class Solver(Protocol):
         """Solve."""
 
 
+def solver_name(solver: Solver) -> str:
+    """Where to find an optimiser, for the records and for the file."""
+    return f"{solver.__module__}.{solver.__qualname__}"
+
+
 @dataclass(frozen=True)
 class Campaign:
     """What all jobs of a build share; it travels to the workers."""

@@ -23,7 +23,7 @@ from ampi.scp.exact_hessian import SolverSettings
 from database.blocks import Block, block_shape
 from database.gains import GainSettings
 from database.grid import UNITS, Grid
-from database.jobs import Campaign
+from database.jobs import Campaign, solver_name
 
 Array = NDArray[np.float64]
 
@@ -79,7 +79,10 @@ def write_database(
         },
         block_shape=block_shape(grid.shape),
         blocks=((block.slices, values) for block, values in block_values),
-        attributes=provenance(mission, grid, campaign.gains),
+        attributes={
+            **provenance(mission, grid, campaign.gains),
+            "solver": solver_name(campaign.solver),
+        },
     )
 
 

@@ -6,7 +6,6 @@ import os
 import signal
 import sys
 import time
-from pathlib import Path
 
 import database
 from ampi.missions.mission import Mission, load_mission
@@ -44,15 +43,6 @@ def always_hangs(mission: Mission, *, guess: Trajectory | None = None) -> Trajec
 def crashes(mission: Mission, *, guess: Trajectory | None = None) -> Trajectory:
     if _fast(mission):
         os.kill(os.getpid(), signal.SIGSEGV)
-    return neighbour_moved(mission, guess=guess)
-
-
-def crashes_once(mission: Mission, *, guess: Trajectory | None = None) -> Trajectory:
-    """The first process to come to greater speeds dies there."""
-    mark = Path(os.environ["AMPI_TEST_MARK"])
-    if _fast(mission) and not mark.exists():
-        mark.touch()
-        os.kill(os.getpid(), signal.SIGKILL)
     return neighbour_moved(mission, guess=guess)
 
 
