@@ -148,6 +148,7 @@ def read_dataset(path: str | Path) -> TrajectoryDataset:
                 "run the same build command again to complete it"
             )
         raise DatasetError(f"{path}: no such file; make one with: ampi build MISSION {path}")
+    _refuse_broken_seal(path)
     try:
         with h5py.File(path, "r") as file:
             return _read_checked(file, path)
@@ -166,18 +167,41 @@ def stored_mission(path: Path) -> str | None:
         return None
 
 
-def _seal(handle: IO[bytes]) -> bytes:
+SEAL = f"ampi trajectory database\nsha256 of what follows byte {SEAL_BYTES}: ".encode()
+
+
+def _seal_of(handle: IO[bytes]) -> bytes:
     """User block in front of the HDF5 content: its SHA-256, so that any flipped byte is found."""
     handle.seek(SEAL_BYTES)
     found = hashlib.file_digest(handle, "sha256").hexdigest()  # type: ignore[arg-type]
-    text = f"ampi trajectory database\nsha256 of what follows byte {SEAL_BYTES}: {found}\n"
-    return text.encode().ljust(SEAL_BYTES, b"\n")
+    return (SEAL + found.encode() + b"\n").ljust(SEAL_BYTES, b"\n")
+
+
+def seal(path: Path) -> None:
+    """Write the seal of a finished file, and flush it to disk."""
+    with path.open("rb+") as handle:
+        found = _seal_of(handle)
+        handle.seek(0)
+        handle.write(found)
+        handle.flush()
+        os.fsync(handle.fileno())
 
 
 def seal_holds(path: Path) -> bool:
     """Whether the file is, to the byte, what was written."""
     with path.open("rb") as handle:
-        return handle.read(SEAL_BYTES) == _seal(handle)
+        return handle.read(SEAL_BYTES) == _seal_of(handle)
+
+
+def _refuse_broken_seal(path: Path) -> None:
+    """Before HDF5 sees the file: its library may crash on a damaged one."""
+    with path.open("rb") as handle:
+        sealed = handle.read(len(SEAL)) == SEAL
+    if sealed and not seal_holds(path):
+        raise DatasetError(
+            f"{path}: the file does not match its checksum, it is damaged; rebuild it "
+            "('ampi verify' says what is damaged)"
+        )
 
 
 def check_whole(file: h5py.File, path: Path) -> None:
@@ -310,11 +334,7 @@ def write_dataset(
                     file.attrs[DIGEST] = content_digest(file)
             finally:
                 sink.check()  # why HDF5 could not read back what it wrote
-            seal = _seal(sink)
-            sink.seek(0)
-            sink.write(seal)
-            sink.check()
-            os.fsync(sink.fileno())
+        seal(temporary)
         with h5py.File(temporary, "r") as file:
             check_whole(file, temporary)  # what cannot be read back never gets the real name
         temporary.replace(path)
