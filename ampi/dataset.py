@@ -313,13 +313,8 @@ def write_dataset(
         with FileSink(temporary, "w+") as sink:
             try:
                 with h5py.File(sink, "w", track_order=False, userblock_size=SEAL_BYTES) as file:
-                    for key, value in attributes.items():
-                        file.attrs[key] = value
-                    for name, axis in zip(names, axes, strict=True):
-                        label, units = f"entry {name}", axis_units[name]
-                        _write_scale(file, f"axis_{name}", axis, name, units, label)
-                    for name, scale_values in scales.items():
-                        _write_scale(file, name, scale_values, name, "1", f"{name} labels")
+                    file.attrs.update(attributes)
+                    _write_scales(file, names, axes, axis_units, scales)
                     for name, field in FIELDS.items():
                         _create_field(file, name, field, names, block_shape)
                     for name, value in values.items():
@@ -333,7 +328,7 @@ def write_dataset(
                     )
                     file.attrs[DIGEST] = content_digest(file)
             finally:
-                sink.check()  # why HDF5 could not read back what it wrote
+                sink.check()  # before what HDF5 says of it
         seal(temporary)
         with h5py.File(temporary, "r") as file:
             check_whole(file, temporary)  # what cannot be read back never gets the real name
@@ -341,6 +336,19 @@ def write_dataset(
     except BaseException:
         temporary.unlink(missing_ok=True)
         raise
+
+
+def _write_scales(
+    file: h5py.File,
+    names: tuple[str, ...],
+    axes: tuple[Array, ...],
+    axis_units: Mapping[str, str],
+    scales: Mapping[str, NDArray[Any]],
+) -> None:
+    for name, axis in zip(names, axes, strict=True):
+        _write_scale(file, f"axis_{name}", axis, name, axis_units[name], f"entry {name}")
+    for name, values in scales.items():
+        _write_scale(file, name, values, name, "1", f"{name} labels")
 
 
 def _write_scale(

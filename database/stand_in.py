@@ -1,9 +1,10 @@
 """An optimiser's stand-in: the output of a real one, without its work.
 
 It measures what a build costs besides optimising: planning, processes, records, blocks, the file. It
-solves the nominal problem; every other trajectory is its neighbour's, moved to its own entry state, so
-the output is of the same size and compresses no better, and re-integration does all of its work. It is
-no optimum, and a database made with it must not fly.
+solves the nominal problem; every other trajectory is its neighbour's, moved to its own entry state and
+roughened in the last digits, so that the output is of the same size, compresses no better than optima
+do, and keeps re-integration as busy. It is no optimum: a database made with it says so in its attribute
+`solver`, and must not fly.
 """
 
 from __future__ import annotations
@@ -15,6 +16,8 @@ import numpy as np
 from ampi.missions.mission import Mission
 from ampi.scp.solve import solve
 from ampi.trajectory import Statistics, Status, Trajectory
+
+ROUGHNESS = 1e-9  # relative
 
 
 def neighbour_moved(mission: Mission, *, guess: Trajectory | None = None) -> Trajectory:

@@ -77,7 +77,7 @@ def verify(path: str | Path) -> Verification:
     with path.open("rb") as handle:
         sha256 = hashlib.file_digest(handle, "sha256").hexdigest()
     sealed = seal_holds(path)
-    found = _Findings() if sealed else _in_a_process_of_its_own(path)
+    found = Findings() if sealed else _in_a_process_of_its_own(path)
     if sealed:
         examine(path, found)
     else:
@@ -94,7 +94,7 @@ def verify(path: str | Path) -> Verification:
 
 
 @dataclass(eq=False)
-class _Findings:
+class Findings:
     """What has been found so far."""
 
     datasets: int = 0
@@ -103,7 +103,7 @@ class _Findings:
     faults: list[str] = field(default_factory=list)
 
 
-def examine(path: Path, found: _Findings) -> None:
+def examine(path: Path, found: Findings) -> None:
     """Let HDF5 read the file to its end, noting what is wrong."""
     try:
         with h5py.File(path, "r") as file:
@@ -118,15 +118,15 @@ def examine(path: Path, found: _Findings) -> None:
 _EXAMINE = """
 import json, sys
 from pathlib import Path
-from database.verify import _Findings, examine
-found = _Findings()
+from database.verify import Findings, examine
+found = Findings()
 examine(Path(sys.argv[1]), found)
 print(json.dumps(vars(found)))
 """
 PATIENCE = 600.0  # s
 
 
-def _in_a_process_of_its_own(path: Path) -> _Findings:
+def _in_a_process_of_its_own(path: Path) -> Findings:
     """Examine a file that is known to be damaged: HDF5 may crash or loop on it."""
     paths = os.pathsep.join(str(Path(p).resolve()) for p in sys.path)
     try:
@@ -139,10 +139,10 @@ def _in_a_process_of_its_own(path: Path) -> _Findings:
         )
     except subprocess.CalledProcessError as error:
         cause = -error.returncode if error.returncode < 0 else error.returncode
-        return _Findings(faults=[f"HDF5: its library crashes on the file (signal {cause})"])
+        return Findings(faults=[f"HDF5: its library crashes on the file (signal {cause})"])
     except subprocess.TimeoutExpired:
-        return _Findings(faults=[f"HDF5: its library did not come to an end in {PATIENCE:g} s"])
-    return _Findings(**json.loads(done.stdout))
+        return Findings(faults=[f"HDF5: its library did not come to an end in {PATIENCE:g} s"])
+    return Findings(**json.loads(done.stdout))
 
 
 def _check(file: h5py.File) -> Iterator[str]:

@@ -50,7 +50,7 @@ def kill_at_random(
     while sum(killed.values()) < kills:
         driver = Driver(mission, path, solver)
         while driver.process.poll() is None and sum(killed.values()) < kills:
-            time.sleep(rng.uniform(0.0, 0.5))
+            time.sleep(rng.uniform(0.0, 0.4))
             if driver.process.poll() is not None:
                 break
             workers = driver.workers()
