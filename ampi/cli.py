@@ -168,14 +168,16 @@ def build(
         str | None, typer.Option(help="Address of a dask.distributed scheduler to solve on.")
     ] = None,
     time_limit: Annotated[
-        float, typer.Option(help="Of one solve (s); then the case is tried along another path.")
-    ] = 60.0,
+        float | None,
+        typer.Option(help="Of one solve (s); then the case is tried along another path."),
+    ] = None,
     as_json: Json = False,
 ) -> None:
     """Solve a mission's whole grid and write the trajectory database. Run again to resume."""
     import database
     from ampi.dataset import partial_folder
     from database.grid import Grid
+    from database.jobs import TIME_LIMIT
 
     with _told():
         loaded = load_mission(mission)
@@ -190,7 +192,7 @@ def build(
                     n_jobs=jobs,
                     client=client,
                     resume=resume,
-                    time_limit=time_limit,
+                    time_limit=TIME_LIMIT if time_limit is None else time_limit,
                     advance=advance,
                 )
         except KeyboardInterrupt:

@@ -125,11 +125,11 @@ def build(
         raise BuildError(f"n_jobs: expected at least 1 worker process, got {n_jobs}")
     if not 0.0 < time_limit < np.inf:
         raise BuildError(f"time_limit: expected a positive number of seconds, got {time_limit}")
-    path = Path(path).absolute()
+    path = Path(path)
     if not path.parent.is_dir():
         raise BuildError(f"path: the folder {path.parent} does not exist")
     _refuse_other_database(path, mission)
-    folder = partial_folder(path)
+    folder = partial_folder(path.absolute())  # workers may stand elsewhere
     campaign = Campaign(mission.toml, folder, solver, time_limit, gains or GainSettings())
     with _told(folder, path), exclusive(folder):
         if not resume:

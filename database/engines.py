@@ -75,16 +75,18 @@ class ClusterEngine:
             if finished.status == "finished":
                 tell(None)
             elif finished.status == "error":
-                tell(self._outcome(job, finished.exception()))
+                tell(self.outcome(job, finished.exception()))
+            else:
+                tell(JobError(f"the cluster has dropped a job ({finished.status})"))
 
         future.add_done_callback(done)
 
-    def _outcome(self, job: Job, error: BaseException) -> BaseException | None:
+    def outcome(self, job: Job, error: BaseException) -> BaseException | None:
         """A job whose workers were lost time and again is a record, as on one machine."""
         if not isinstance(error, self._killed):
             return error
         try:
-            job.give_up(f"The cluster lost every worker that tried it: {error}")
+            job.give_up("The cluster lost every worker that tried it.")  # no address: same bytes
         except (OSError, JobError) as failure:
             return failure
         return None

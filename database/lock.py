@@ -40,11 +40,18 @@ def exclusive(folder: Path) -> Iterator[None]:
             except BlockingIOError:
                 file.seek(0)
                 raise LockedError(file.read().strip() or "another process") from None
-            # the holder before us may have finished, and removed what we have just locked
-            if not path.exists() or not os.path.samestat(os.fstat(file.fileno()), path.stat()):
-                continue
+            if not _is_at(path, file.fileno()):
+                continue  # the holder before us has finished, and removed what we have just locked
             file.truncate(0)
             file.write(f"process {os.getpid()} on {socket.gethostname()}\n")
             file.flush()
             yield
             return
+
+
+def _is_at(path: Path, descriptor: int) -> bool:
+    """Whether an open file is the one at `path` now."""
+    try:
+        return os.path.samestat(os.fstat(descriptor), path.stat())
+    except FileNotFoundError:
+        return False

@@ -15,7 +15,13 @@ import pytest
 import database
 from ampi.dataset import partial_folder
 from ampi.missions.mission import Mission
+from ampi.trajectory import Status
 from database.build import BuildError
+from database.continuation import layers
+from database.engines import ClusterEngine
+from database.grid import Grid
+from database.jobs import Campaign, SolveCase
+from database.records import load_record
 
 distributed = pytest.importorskip("distributed")
 
@@ -68,6 +74,22 @@ def test_workers_without_the_folder_are_found_out(
     monkeypatch.setattr("database.engines.run_supervised", elsewhere)
     with pytest.raises(BuildError, match=r"case 4: its result is not in .*on a shared file system"):
         database.build(small_mission, tmp_path / "a.h5", client=client)
+
+
+def test_a_case_that_costs_every_worker_is_a_record(
+    small_mission: Mission, tmp_path: Path, client: Any
+) -> None:
+    planned = layers(Grid.from_mission(small_mission))[1][0]
+    job = SolveCase(Campaign(small_mission.toml, tmp_path), planned)
+    engine = ClusterEngine(client)
+    lost = distributed.scheduler.KilledWorker("case", "tcp://here", 3)
+    assert engine.outcome(job, lost) is None
+    record = load_record(tmp_path, planned.case, small_mission)
+    assert record is not None
+    assert record.trajectory.status is Status.ERROR
+    assert record.message == "The cluster lost every worker that tried it."
+    other = ValueError("boom")
+    assert engine.outcome(job, other) is other
 
 
 def test_no_scheduler_at_the_address_is_one_sentence(tmp_path: Path) -> None:

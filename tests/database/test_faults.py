@@ -190,6 +190,18 @@ def test_the_lock_of_a_dead_process_locks_nothing(small_mission: Mission, tmp_pa
         fcntl.flock(lock, fcntl.LOCK_EX)
 
 
+def interrupted(mission: Mission, path: Path) -> None:
+    """A build that ends after its first case."""
+    with pytest.raises(ZeroDivisionError):
+        database.build(
+            mission,
+            path,
+            n_jobs=1,
+            solver=neighbour_moved,
+            advance=lambda count: 1 // 0 if count else None,
+        )
+
+
 def test_a_fresh_start_forgets_what_was_kept(small_mission: Mission, tmp_path: Path) -> None:
     path = tmp_path / "a.h5"
     with pytest.raises(ZeroDivisionError):
