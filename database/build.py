@@ -13,6 +13,7 @@ from __future__ import annotations
 import errno
 import hashlib
 import json
+import pickle
 import shutil
 import time
 from collections.abc import Callable, Iterator
@@ -131,6 +132,13 @@ def build(
     _refuse_other_database(path, mission)
     folder = partial_folder(path.absolute())  # workers may stand elsewhere
     campaign = Campaign(mission.toml, folder, solver, time_limit, gains or GainSettings())
+    try:
+        pickle.dumps(campaign)
+    except (pickle.PicklingError, AttributeError, TypeError):
+        raise BuildError(
+            f"solver: expected a function that workers can import, got {solver!r}; "
+            "define it at the top of a module"
+        ) from None
     with _told(folder, path), exclusive(folder):
         if not resume:
             discard_records(folder)

@@ -162,7 +162,8 @@ class SolveCase:
             if flown.status.ok:
                 best, log = flown, log[-1:]
                 break
-            best = flown if best is None or count == len(path) else best
+            if count == len(path) and (best is None or attempt.neighbour is not None):
+                best = flown  # it has come to the case's own problem, if not to a solution
         trajectory = no_trajectory(mission.pseudospectral_mesh) if best is None else best
         seconds = time.perf_counter() - began
         record = CaseRecord(self.planned.case, trajectory, "; ".join(log), solves, seconds)

@@ -101,7 +101,7 @@ class Worker:
     def _send(self, job: Job) -> None:
         assert self.process.stdin is not None
         try:
-            pickle.dump(job, self.process.stdin)
+            self.process.stdin.write(pickle.dumps(job))
             self.process.stdin.flush()
         except BrokenPipeError:
             raise WorkerLost(self.stop(), self.attempt) from None
@@ -158,8 +158,12 @@ class Supervisor:
 
     def _take(self) -> Worker:
         """An idle worker, or a new one that has started."""
-        if self._idle:
-            return self._idle.pop()
+        while self._idle:
+            worker = self._idle.pop()
+            if worker.process.poll() is None:
+                return worker
+            worker.stop()  # it has died between two jobs
+            self._alive.discard(worker)
         cause = ""
         for _ in range(DEATHS):
             worker = Worker()

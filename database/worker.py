@@ -57,7 +57,7 @@ def main() -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the supervisor decides what an interrupt means
     replies = os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)  # what a library prints must not mix with the replies
-    jobs: queue.SimpleQueue[Job] = queue.SimpleQueue()
+    jobs: queue.SimpleQueue[Job | None] = queue.SimpleQueue()
     threading.Thread(target=_receive, args=(sys.stdin.buffer, jobs), daemon=True).start()
 
     def send(message: Message) -> None:
@@ -70,6 +70,9 @@ def main() -> None:
     send(Ready())
     while True:
         job = jobs.get()
+        if job is None:
+            send(Raised(JobError("a worker cannot read its job: is its solver in a module?")))
+            return
         try:
             job.run(lambda attempt: send(Began(attempt)))
         except OSError as error:  # a full disk, a folder gone: the supervisor tells the user
@@ -83,10 +86,14 @@ def main() -> None:
             send(Kept())
 
 
-def _receive(pipe: IO[bytes], jobs: queue.SimpleQueue[Job]) -> None:
+def _receive(pipe: IO[bytes], jobs: queue.SimpleQueue[Job | None]) -> None:
     """Jobs into the queue; when the supervisor is gone, nobody waits for this process."""
     while True:
         try:
             jobs.put(pickle.load(pipe))
         except (EOFError, OSError):
             os._exit(0)
+        except Exception:  # a name that this process does not have
+            traceback.print_exc()
+            jobs.put(None)
+            return

@@ -13,6 +13,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from types import ModuleType
+from typing import Any
 
 import numpy as np
 import pytest
@@ -22,8 +23,12 @@ from ampi.dataset import TrajectoryDataset, partial_folder, read_dataset
 from ampi.missions.mission import Mission
 from ampi.trajectory import Status
 from database.build import BuildError
+from database.continuation import layers
+from database.grid import Grid
+from database.jobs import Campaign, SolveCase
 from database.records import load_record
 from database.stand_in import neighbour_moved
+from database.supervisor import Supervisor
 
 HERE = Path(__file__).parent
 
@@ -88,6 +93,28 @@ def test_workers_that_cannot_start_end_the_build(
     monkeypatch.setattr("database.supervisor._COMMAND", "raise SystemExit(7)")
     with pytest.raises(BuildError, match=r"died 3 times before its first job, by exit status 7"):
         database.build(small_mission, tmp_path / "a.h5")
+
+
+def test_a_solver_that_workers_do_not_have_is_named(
+    small_mission: Mission, misbehaving: ModuleType, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    solver = misbehaving.slow
+    monkeypatch.setattr("database.supervisor.sys.path", [p for p in sys.path if p != str(HERE)])
+    with pytest.raises(BuildError, match="a worker cannot read its job: is its solver in a module"):
+        database.build(small_mission, tmp_path / "a.h5", solver=solver)
+
+
+def test_an_idle_worker_that_dies_is_replaced(small_mission: Mission, tmp_path: Path) -> None:
+    supervisor = Supervisor()
+    plan = [p for layer in layers(Grid.from_mission(small_mission)) for p in layer]
+    campaign = Campaign(small_mission.toml, tmp_path, neighbour_moved)
+    for planned in plan[:3]:
+        supervisor.run(SolveCase(campaign, planned))
+        (worker,) = supervisor._idle
+        worker.process.kill()
+        worker.process.wait()
+    supervisor.close()
+    assert len(list(tmp_path.glob("case_*.npz"))) == 3
 
 
 @contextmanager
@@ -239,10 +266,11 @@ def test_records_of_unknown_origin_are_not_used(small_mission: Mission, tmp_path
         ({"n_jobs": 0}, "n_jobs: expected at least 1 worker process, got 0"),
         ({"time_limit": 0.0}, r"time_limit: expected a positive number of seconds, got 0\.0"),
         ({"time_limit": float("nan")}, "time_limit: expected a positive number"),
+        ({"solver": lambda mission, guess=None: None}, "solver: expected a function that workers"),
     ],
 )
 def test_misuse_is_named(
-    small_mission: Mission, tmp_path: Path, options: dict[str, float], message: str
+    small_mission: Mission, tmp_path: Path, options: dict[str, Any], message: str
 ) -> None:
     with pytest.raises(BuildError, match=message):
         database.build(small_mission, tmp_path / "a.h5", **options)
