@@ -8,14 +8,22 @@ import sys
 import time
 
 import database
+from ampi.dataset import read_dataset
 from ampi.missions.mission import Mission, load_mission
 from ampi.trajectory import Trajectory
 from database.stand_in import neighbour_moved
 
 
+def moved(mission: Mission, guess: Trajectory | None) -> Trajectory:
+    """The stand-in, spared the nominal solve: no honest call comes near a time limit of 1 s."""
+    if guess is None:
+        guess = read_dataset(os.environ["AMPI_TEST_DATABASE"]).trajectory(4)
+    return neighbour_moved(mission, guess=guess)
+
+
 def slow(mission: Mission, *, guess: Trajectory | None = None) -> Trajectory:
     time.sleep(0.02)
-    return neighbour_moved(mission, guess=guess)
+    return moved(mission, guess)
 
 
 def _fast(mission: Mission) -> bool:
@@ -31,19 +39,19 @@ def hangs_in_native_code(mission: Mission, *, guess: Trajectory | None = None) -
     """At greater speeds, and in one step of speed only; the interpreter never gets a word in."""
     if _fast(mission) and _one_step(mission, guess):
         pow(3, 10**9)  # holds the interpreter's lock for hours
-    return neighbour_moved(mission, guess=guess)
+    return moved(mission, guess)
 
 
 def always_hangs(mission: Mission, *, guess: Trajectory | None = None) -> Trajectory:
     if _fast(mission):
         time.sleep(3600.0)
-    return neighbour_moved(mission, guess=guess)
+    return moved(mission, guess)
 
 
 def crashes(mission: Mission, *, guess: Trajectory | None = None) -> Trajectory:
     if _fast(mission):
         os.kill(os.getpid(), signal.SIGSEGV)
-    return neighbour_moved(mission, guess=guess)
+    return moved(mission, guess)
 
 
 def main() -> None:

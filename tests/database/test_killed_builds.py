@@ -74,9 +74,13 @@ def kill_at_random(
 
 @pytest.mark.skipif(not Path("/proc/self/task").is_dir(), reason="finds the workers in /proc")
 def test_kills_leave_no_trace_with_a_stand_in_for_the_optimiser(
-    small_mission: Mission, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    small_mission: Mission,
+    small_database: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.syspath_prepend(HERE)
+    monkeypatch.setenv("AMPI_TEST_DATABASE", str(small_database))
     import misbehaving
 
     text = tmp_path / "larger.toml"
