@@ -25,7 +25,14 @@ def neighbour_moved(mission: Mission, *, guess: Trajectory | None = None) -> Tra
     if guess is None:
         return solve(mission)
     fading = np.linspace(1.0, 0.0, guess.states.shape[1]) ** 2
-    states = guess.states.copy()
+    rng = np.random.default_rng(np.frombuffer(mission.entry_state.tobytes(), np.uint32))
+    states = guess.states * (1.0 + ROUGHNESS * rng.standard_normal(guess.states.shape))
     states[:6] += np.outer(mission.entry_state - states[:6, 0], fading)
     states[:6, 0] = mission.entry_state
-    return replace(guess, states=states, status=Status.SOLVED, statistics=Statistics(iterations=1))
+    return replace(
+        guess,
+        states=states,
+        bank_rate=guess.bank_rate * (1.0 + ROUGHNESS * rng.standard_normal(len(fading))),
+        status=Status.SOLVED,
+        statistics=Statistics(iterations=1),
+    )
