@@ -6,7 +6,7 @@ BIN = $(VENV)/bin
 export OMP_NUM_THREADS = 1
 export OPENBLAS_NUM_THREADS = 1
 
-.PHONY: demo test lint types contracts check benchmark wheel lock clean
+.PHONY: demo test lint types contracts check benchmark benchmark-factory wheel lock clean
 
 demo: $(VENV)/.demo
 	mkdir -p demo
@@ -31,6 +31,9 @@ check: lint types contracts test
 
 benchmark: $(VENV)/.test
 	$(BIN)/python scripts/benchmark.py --readme README.md
+
+benchmark-factory: $(VENV)/.test
+	$(BIN)/python scripts/benchmark_factory.py
 
 wheel: $(VENV)/.test
 	$(BIN)/pip wheel --no-deps --wheel-dir dist .

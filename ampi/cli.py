@@ -41,7 +41,7 @@ def _told() -> Iterator[None]:
     """Misuse and bad files end in one clear sentence, not in a traceback."""
     try:
         yield
-    except (ValueError, FileNotFoundError, PermissionError) as error:
+    except (ValueError, OSError) as error:
         error_out.print(f"[bold red]error:[/] {_escaped(error)}")
         raise typer.Exit(2) from None
 
@@ -165,18 +165,40 @@ def build(
     mission: MissionArgument,
     path: Annotated[Path, typer.Argument(help="HDF5 file to write.")],
     jobs: Jobs = CORES,
+    resume: Annotated[
+        bool, typer.Option(help="Continue an interrupted build, or start afresh.")
+    ] = True,
+    scheduler: Annotated[
+        str | None, typer.Option(help="Address of a dask.distributed scheduler to solve on.")
+    ] = None,
+    time_limit: Annotated[
+        float | None,
+        typer.Option(help="Of one solve (s); then the case is tried along another path."),
+    ] = None,
     as_json: Json = False,
 ) -> None:
     """Solve a mission's whole grid and write the trajectory database. Run again to resume."""
     import database
     from ampi.dataset import partial_folder
     from database.grid import Grid
+    from database.jobs import TIME_LIMIT
 
     with _told():
         loaded = load_mission(mission)
         try:
-            with progress("solving", Grid.from_mission(loaded).size) as advance:
-                report = database.build(loaded, path, n_jobs=jobs, advance=advance)
+            with (
+                _cluster(scheduler) as client,
+                progress("solving", Grid.from_mission(loaded).size) as advance,
+            ):
+                report = database.build(
+                    loaded,
+                    path,
+                    n_jobs=jobs,
+                    client=client,
+                    resume=resume,
+                    time_limit=TIME_LIMIT if time_limit is None else time_limit,
+                    advance=advance,
+                )
         except KeyboardInterrupt:
             kept = len(list(partial_folder(path).glob("case_*.npz")))
             error_out.print(
@@ -198,6 +220,83 @@ def build(
             error_out.print(f"not solved: {_escaped(failure)}")
     if report.solved < report.cases:
         raise typer.Exit(1)
+
+
+@contextmanager
+def _cluster(scheduler: str | None) -> Iterator[Any]:
+    """A client of a running scheduler; None without an address."""
+    if scheduler is None:
+        yield None
+        return
+    try:
+        from distributed import Client
+    except ImportError:
+        raise ValueError(
+            "--scheduler: needs dask.distributed, which is not installed; "
+            "try: pip install 'ampi[cluster]'"
+        ) from None
+    try:
+        client = Client(scheduler, timeout=10)
+    except (OSError, ValueError) as error:
+        raise ValueError(
+            f"--scheduler: expected the address of a running scheduler, got {scheduler!r} "
+            f"({type(error).__name__}); start one with: dask scheduler"
+        ) from None
+    with client:
+        yield client
+
+
+@app.command()
+def rerun(
+    path: Annotated[Path, typer.Argument(help="Trajectory database, or FILE.partial.")],
+    case: Annotated[int, typer.Argument(help="Number of the case, in C order of the grid.")],
+    output: Annotated[
+        Path | None, typer.Option(help="Draw the trajectory (PNG, PDF, SVG).")
+    ] = None,
+    as_json: Json = False,
+) -> None:
+    """Solve one case of a database or of an unfinished build again, showing every iteration."""
+    from database.rerun import AttemptResult
+    from database.rerun import rerun as rerun_case
+
+    def show(result: AttemptResult) -> None:
+        out.print(f"{result.attempt} ({result.solves} solves): {_escaped(result.outcome)}")
+        if result.trajectory is not None:
+            out.print(_convergence_table(result.trajectory))
+
+    with _told():
+        found = rerun_case(path, case, watch=None if as_json else show)
+        if output is not None and np.isfinite(found.trajectory.final_time):
+            _write_trajectory(found.mission, found.trajectory, None, output)
+    if as_json:
+        _print_json(found.as_dict())
+    else:
+        out.print(f"{found.where}; stored: {_escaped(found.stored)}")
+        for key, value in found.trajectory.summary().items():
+            shown = value if isinstance(value, str) else f"{value:.8g}"
+            out.print(f"  {key:34} {shown}")
+    if not found.trajectory.status.ok:
+        raise typer.Exit(1)
+
+
+@app.command()
+def verify(path: DatabaseArgument, as_json: Json = False) -> None:
+    """Check every byte of a database and name what is damaged."""
+    from database.verify import verify as verify_file
+
+    with _told():
+        found = verify_file(path)
+    if as_json:
+        _print_json(found.as_dict())
+    elif found.whole:
+        out.print(
+            f"{path}: whole; {found.datasets} datasets, {found.solved} of {found.cases} cases solved, "
+            f"SHA-256 {found.sha256}"
+        )
+    for fault in found.faults:
+        error_out.print(f"error: {path}: {_escaped(fault)}")
+    if not found.whole:
+        raise typer.Exit(2)
 
 
 @app.command()

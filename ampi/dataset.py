@@ -22,15 +22,16 @@ from __future__ import annotations
 import hashlib
 import os
 import zlib
-from collections.abc import Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
 import h5py
 import numpy as np
 from numpy.typing import NDArray
 
+from ampi.file_sink import FileSink
 from ampi.missions.mission import Mission, parse_mission
 from ampi.trajectory import Statistics, Status, Trajectory
 
@@ -38,6 +39,7 @@ Array = NDArray[np.float64]
 
 SCHEMA_VERSION = 1
 DIGEST = "content_sha256"
+ROW_NUMBERS = 2**20  # of a dataset, read at once for its digest
 SEAL_BYTES = 512  # the smallest HDF5 user block; readers skip it
 
 
@@ -108,8 +110,17 @@ def content_digest(file: h5py.File) -> str:
         dataset = file[name]
         digest.update(f"{name}:{dataset.shape}:{dataset.dtype}".encode())
         add_attributes(dataset)
-        digest.update(np.ascontiguousarray(dataset[()]).tobytes())
+        for part in _rows(dataset.shape):
+            digest.update(np.ascontiguousarray(dataset[part]).tobytes())
     return digest.hexdigest()
+
+
+def _rows(shape: tuple[int, ...]) -> Iterator[tuple[int, ...]]:
+    """Leading indices of parts that are read one after the other: a file may exceed the memory."""
+    depth = 0
+    while depth < len(shape) and np.prod(shape[depth:]) > ROW_NUMBERS:
+        depth += 1
+    yield from np.ndindex(shape[:depth])
 
 
 # HDF5's own bookkeeping of dimension scales: object references, which depend on the file's layout.
@@ -137,6 +148,7 @@ def read_dataset(path: str | Path) -> TrajectoryDataset:
                 "run the same build command again to complete it"
             )
         raise DatasetError(f"{path}: no such file; make one with: ampi build MISSION {path}")
+    _refuse_broken_seal(path)
     try:
         with h5py.File(path, "r") as file:
             return _read_checked(file, path)
@@ -155,13 +167,45 @@ def stored_mission(path: Path) -> str | None:
         return None
 
 
-def _seal(content: bytes) -> bytes:
+SEAL = f"ampi trajectory database\nsha256 of what follows byte {SEAL_BYTES}: ".encode()
+
+
+def _seal_of(handle: IO[bytes]) -> bytes:
     """User block in front of the HDF5 content: its SHA-256, so that any flipped byte is found."""
-    text = f"ampi trajectory database\nsha256 of what follows byte {SEAL_BYTES}: "
-    return (text + hashlib.sha256(content).hexdigest() + "\n").encode().ljust(SEAL_BYTES, b"\n")
+    handle.seek(SEAL_BYTES)
+    found = hashlib.file_digest(handle, "sha256").hexdigest()  # type: ignore[arg-type]
+    return (SEAL + found.encode() + b"\n").ljust(SEAL_BYTES, b"\n")
 
 
-def _read_checked(file: h5py.File, path: Path) -> TrajectoryDataset:
+def seal(path: Path) -> None:
+    """Write the seal of a finished file, and flush it to disk."""
+    with path.open("rb+") as handle:
+        found = _seal_of(handle)
+        handle.seek(0)
+        handle.write(found)
+        handle.flush()
+        os.fsync(handle.fileno())
+
+
+def seal_holds(path: Path) -> bool:
+    """Whether the file is, to the byte, what was written."""
+    with path.open("rb") as handle:
+        return handle.read(SEAL_BYTES) == _seal_of(handle)
+
+
+def _refuse_broken_seal(path: Path) -> None:
+    """Before HDF5 sees the file: its library may crash on a damaged one."""
+    with path.open("rb") as handle:
+        sealed = handle.read(len(SEAL)) == SEAL
+    if sealed and not seal_holds(path):
+        raise DatasetError(
+            f"{path}: the file does not match its checksum, it is damaged; rebuild it "
+            "('ampi verify' says what is damaged)"
+        )
+
+
+def check_whole(file: h5py.File, path: Path) -> None:
+    """Raise DatasetError unless an open file is a whole database of this schema."""
     version = file.attrs.get("schema_version")
     if version is None:
         raise DatasetError(f"{path}: an HDF5 file, but not a trajectory database")
@@ -170,13 +214,14 @@ def _read_checked(file: h5py.File, path: Path) -> TrajectoryDataset:
             f"{path}: schema version {version}, this ampi reads version {SCHEMA_VERSION}; "
             f"the file was written by ampi {file.attrs.get('ampi_version', '?')}"
         )
-    raw = path.read_bytes()
-    if raw[:SEAL_BYTES] != _seal(raw[SEAL_BYTES:]) or file.attrs.get(DIGEST) != content_digest(
-        file
-    ):
+    if not seal_holds(path) or file.attrs.get(DIGEST) != content_digest(file):
         raise DatasetError(
             f"{path}: the file does not match its checksum, it is damaged; rebuild it"
         )
+
+
+def _read_checked(file: h5py.File, path: Path) -> TrajectoryDataset:
+    check_whole(file, path)
     mission = parse_mission(str(file.attrs["mission_toml"]), label=f"{path}: mission")
     names = tuple(str(name) for name in file.attrs["parameters"])
     return TrajectoryDataset(
@@ -214,6 +259,7 @@ class Field:
     long_name: str
     dimensions: tuple[str, ...]  # after the parameter axes if `per_case`
     per_case: bool = True
+    dtype: str = "f8"
 
 
 STATE_UNITS = "m rad rad m/s rad rad rad"
@@ -225,13 +271,13 @@ FIELDS: dict[str, Field] = {
     ),
     "final_time": Field("s", "optimal final time", ()),
     "cost": Field("1", "optimal cost J", ()),
-    "status": Field("1", "solver status; see the attribute 'meanings'", ()),
-    "iterations": Field("1", "convex iterations of the last solve", ()),
+    "status": Field("1", "solver status; see the attribute 'meanings'", (), dtype="i8"),
+    "iterations": Field("1", "convex iterations of the last solve", (), dtype="i8"),
     "position_error": Field("m", "greatest position error against re-integration", ()),
     "altitude_error": Field("m", "greatest altitude error against re-integration", ()),
     "speed_error": Field("m/s", "greatest speed error against re-integration", ()),
     "peak": Field("1", "greatest path constraint over its limit, 1 s grid", ("limit",)),
-    "message": Field("1", "how the case was solved, or why it failed", ()),
+    "message": Field("1", "how the case was solved, or why it failed", (), dtype="S1000"),
     "node_time": Field("s", "a, b of node times t = a + b t_f", ("affine", "node"), False),
     "high_density_time": Field(
         "s", "a, b of high-density times t = a + b t_f", ("affine", "high_density"), False
@@ -242,6 +288,9 @@ FIELDS: dict[str, Field] = {
 }
 
 
+Slices = tuple[slice, ...]
+
+
 def write_dataset(
     path: Path,
     *,
@@ -250,46 +299,87 @@ def write_dataset(
     axis_units: Mapping[str, str],
     scales: Mapping[str, NDArray[Any]],
     values: Mapping[str, NDArray[Any]],
+    block_shape: tuple[int, ...],
+    blocks: Iterable[tuple[Slices, Mapping[str, NDArray[Any]]]],
     attributes: Mapping[str, Any],
 ) -> None:
-    """Write a database under another name, check it by reading, flush it and rename it to `path`."""
+    """Write a database under another name, check it by reading, flush it and rename it to `path`.
+
+    `values` are the fields that belong to no case; `blocks` gives those of the cases, a hyperslab of
+    the grid at a time, always in the same order: the bytes of the file depend on it.
+    """
     temporary = path.with_name(path.name + ".tmp")
-    with h5py.File(temporary, "w", track_order=False, userblock_size=SEAL_BYTES) as file:
-        for key, value in attributes.items():
-            file.attrs[key] = value
-        for name, axis in zip(names, axes, strict=True):
-            scale = file.create_dataset(f"axis_{name}", data=axis, fletcher32=True, chunks=True)
-            scale.make_scale(name)
-            scale.attrs["units"], scale.attrs["long_name"] = axis_units[name], f"entry {name}"
-        for name, scale_values in scales.items():
-            scale = file.create_dataset(name, data=scale_values, fletcher32=True, chunks=True)
-            scale.make_scale(name)
-            scale.attrs["units"], scale.attrs["long_name"] = "1", f"{name} labels"
-        for name, field in FIELDS.items():
-            _write_field(file, name, field, values[name], names)
-        file["status"].attrs["meanings"] = "; ".join(
-            f"{int(s)} {s.name}: {s.sentence}" for s in Status
-        )
-        file.attrs[DIGEST] = content_digest(file)
-    with temporary.open("rb+") as handle:
-        handle.seek(SEAL_BYTES)
-        seal = _seal(handle.read())
-        handle.seek(0)
-        handle.write(seal)
-        handle.flush()
-        os.fsync(handle.fileno())
-    read_dataset(temporary)  # a file that cannot be read back never gets the real name
-    temporary.replace(path)
+    try:
+        with FileSink(temporary, "w+") as sink:
+            try:
+                with h5py.File(sink, "w", track_order=False, userblock_size=SEAL_BYTES) as file:
+                    file.attrs.update(attributes)
+                    _write_scales(file, names, axes, axis_units, scales)
+                    for name, field in FIELDS.items():
+                        _create_field(file, name, field, names, block_shape)
+                    for name, value in values.items():
+                        file[name][...] = value
+                    for slices, block in blocks:
+                        sink.check()
+                        for name, value in block.items():
+                            file[name][slices] = value
+                    file["status"].attrs["meanings"] = "; ".join(
+                        f"{int(s)} {s.name}: {s.sentence}" for s in Status
+                    )
+                    file.attrs[DIGEST] = content_digest(file)
+            finally:
+                sink.check()  # before what HDF5 says of it
+        seal(temporary)
+        with h5py.File(temporary, "r") as file:
+            check_whole(file, temporary)  # what cannot be read back never gets the real name
+        temporary.replace(path)
+    except BaseException:
+        temporary.unlink(missing_ok=True)
+        raise
 
 
-def _write_field(
-    file: h5py.File, name: str, field: Field, value: NDArray[Any], names: tuple[str, ...]
+def _write_scales(
+    file: h5py.File,
+    names: tuple[str, ...],
+    axes: tuple[Array, ...],
+    axis_units: Mapping[str, str],
+    scales: Mapping[str, NDArray[Any]],
 ) -> None:
+    for name, axis in zip(names, axes, strict=True):
+        _write_scale(file, f"axis_{name}", axis, name, axis_units[name], f"entry {name}")
+    for name, values in scales.items():
+        _write_scale(file, name, values, name, "1", f"{name} labels")
+
+
+def _write_scale(
+    file: h5py.File, name: str, values: NDArray[Any], label: str, units: str, long_name: str
+) -> None:
+    scale = file.create_dataset(name, data=values, fletcher32=True, chunks=True)
+    scale.make_scale(label)
+    scale.attrs["units"], scale.attrs["long_name"] = units, long_name
+
+
+def _create_field(
+    file: h5py.File,
+    name: str,
+    field: Field,
+    names: tuple[str, ...],
+    block_shape: tuple[int, ...],
+) -> None:
+    parameters = tuple(f"axis_{n}" for n in names) if field.per_case else ()
+    scales = (*parameters, *field.dimensions)
+    shape = tuple(len(file[scale]) for scale in scales)
+    chunks = (*block_shape, *shape[len(parameters) :]) if field.per_case else True
     dataset = file.create_dataset(
-        name, data=value, chunks=True, shuffle=True, compression="gzip", fletcher32=True
+        name,
+        shape=shape,
+        dtype=field.dtype,
+        chunks=chunks,
+        shuffle=True,
+        compression="gzip",
+        fletcher32=True,
     )
     dataset.attrs["units"], dataset.attrs["long_name"] = field.units, field.long_name
-    parameters = tuple(f"axis_{n}" for n in names) if field.per_case else ()
-    for i, scale in enumerate((*parameters, *field.dimensions)):
+    for i, scale in enumerate(scales):
         dataset.dims[i].label = scale.removeprefix("axis_")
         dataset.dims[i].attach_scale(file[scale])

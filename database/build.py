@@ -1,36 +1,65 @@
-"""The front door of the offline side: a mission in, a database file out."""
+"""The front door of the offline side: a mission in, a database file out.
+
+    plan        which cases, each from which neighbours         (grid, continuation)
+    solve       each case once its neighbours are kept          (schedule, engines, jobs)
+    assemble    each block once its cases are kept              (blocks)
+    merge       the blocks into one file, in index order        (writer)
+
+Whatever is finished is on disk (records); only the last step writes the file.
+"""
 
 from __future__ import annotations
 
+import errno
 import hashlib
 import json
+import pickle
 import shutil
 import time
-from collections.abc import Callable
-from dataclasses import asdict, dataclass
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from ampi.dataset import partial_folder, stored_mission
 from ampi.missions.mission import Mission
 from ampi.scp.exact_hessian import SolverSettings
+from ampi.scp.solve import solve
+from ampi.trajectory import Status
+from database.blocks import Block, blocks
 from database.continuation import layers
+from database.engines import ClusterEngine, Engine, LocalEngine
 from database.gains import GainSettings
-from database.grid import Grid
 from database.jobs import (
+    TIME_LIMIT,
+    AssembleBlock,
+    Campaign,
+    Job,
+    JobError,
+    SolveCase,
+    Solver,
+    solver_name,
+)
+from database.lock import LockedError, exclusive
+from database.records import (
     CaseRecord,
+    block_path,
+    discard_records,
+    load_block,
     load_record,
     read_fingerprint,
     record_path,
-    run_layer,
     write_fingerprint,
 )
+from database.schedule import run_jobs
 from database.writer import package_version, write_database
 
 
 class BuildError(ValueError):
-    """A build that cannot start; the message says what is in its way."""
+    """A build that cannot start or go on; the message says what is in its way."""
 
 
 @dataclass(frozen=True)
@@ -45,7 +74,7 @@ class BuildReport:
     median_iterations: float
     worst_iterations: int
     seconds: float
-    solve_seconds: float  # wall time of the solves alone
+    solve_seconds: float  # wall time up to the merge: solves and re-integrations
     worst_position_error: float  # m
     worst_limit: float  # greatest path constraint over its limit, between the nodes
 
@@ -55,13 +84,17 @@ def build(
     path: str | Path,
     *,
     n_jobs: int = 2,
+    client: Any = None,
+    resume: bool = True,
+    time_limit: float = TIME_LIMIT,
     gains: GainSettings | None = None,
+    solver: Solver = solve,
     advance: Callable[[int], None] | None = None,
 ) -> BuildReport:
     """Solve the mission's grid and write the trajectory database.
 
     Interrupted at any moment, the same call continues: finished cases are kept in `PATH.partial`
-    until the file is whole.
+    until the file is whole. The file does not depend on interruptions, nor on where cases are solved.
 
     Parameters
     ----------
@@ -70,54 +103,219 @@ def build(
     path
         HDF5 file to write; an existing one is replaced only by a whole new one.
     n_jobs
-        Worker processes; the file does not depend on it.
+        Worker processes on this machine.
+    client
+        A `distributed.Client`: its workers instead; they must see the folder of `path`.
+    resume
+        Continue from the cases that an interrupted build has kept; False starts afresh.
+    time_limit
+        Of one solve (s); one that takes longer is ended, and its case tried along another path.
     gains
         Weights of the tracking gains.
+    solver
+        The optimiser, a function of a module: another one to measure the runner by itself.
     advance
         Called with the number of cases just finished.
+
+    Raises
+    ------
+    BuildError
+        If the build cannot start or go on; what is finished stays.
     """
-    began = time.perf_counter()
+    if n_jobs < 1:
+        raise BuildError(f"n_jobs: expected at least 1 worker process, got {n_jobs}")
+    if not 0.0 < time_limit < np.inf:
+        raise BuildError(f"time_limit: expected a positive number of seconds, got {time_limit}")
     path = Path(path)
     if not path.parent.is_dir():
         raise BuildError(f"path: the folder {path.parent} does not exist")
-    grid, gains = Grid.from_mission(mission), gains or GainSettings()
-    folder, notify = partial_folder(path), advance or (lambda count: None)
     _refuse_other_database(path, mission)
-    _open_partial(folder, mission)
-    resumed = 0
-    for number, layer in enumerate(layers(grid)):
-        open_cases = [p for p in layer if load_record(folder, p.case, mission) is None]
-        resumed += len(layer) - len(open_cases)
-        notify(len(layer) - len(open_cases))
-        if open_cases:
-            run_layer(mission.toml, folder, open_cases, n_jobs=n_jobs, advance=notify)
-        if number == 0:
-            _require_nominal(folder, layer[0].case, mission)
-    solve_seconds = time.perf_counter() - began
-    records = [_whole_record(folder, case, mission) for case in range(grid.size)]
-    checks = write_database(path, mission, grid, records, gains)
-    shutil.rmtree(folder)
-    iterations = [r.trajectory.statistics.iterations for r in records if r.trajectory.status.ok]
-    failures = tuple(
-        f"{grid.describe(r.case)}: {r.message}" for r in records if not r.trajectory.status.ok
-    )
-    return BuildReport(
-        path=path,
-        cases=grid.size,
-        solved=len(iterations),
-        resumed=resumed,
-        failures=failures,
-        median_iterations=float(np.median(iterations)) if iterations else np.nan,
-        worst_iterations=max(iterations, default=0),
-        seconds=time.perf_counter() - began,
-        solve_seconds=solve_seconds,
-        worst_position_error=_greatest(checks["position_error"]),
-        worst_limit=_greatest(checks["peak"]),
-    )
+    folder = partial_folder(path.absolute())  # workers may stand elsewhere
+    campaign = Campaign(mission.toml, folder, solver, time_limit, gains or GainSettings())
+    try:
+        pickle.dumps(campaign)
+    except (pickle.PicklingError, AttributeError, TypeError):
+        raise BuildError(
+            f"solver: expected a function that workers can import, got {solver!r}; "
+            "define it at the top of a module"
+        ) from None
+    with _told(folder, path), exclusive(folder):
+        if not resume:
+            discard_records(folder)
+        _claim(folder, campaign)
+        engine = LocalEngine(n_jobs) if client is None else ClusterEngine(client)
+        return _Build(campaign, path, engine, advance or (lambda count: None)).run()
 
 
-def _greatest(values: np.ndarray) -> float:
-    return float(np.nanmax(values)) if np.any(np.isfinite(values)) else float("nan")
+@dataclass(eq=False)
+class _Build:
+    """One run of the build: plan, solve and assemble, merge, report."""
+
+    campaign: Campaign
+    path: Path
+    engine: Engine
+    advance: Callable[[int], None]
+    began: float = field(default_factory=time.perf_counter)
+
+    def run(self) -> BuildReport:
+        """From what is kept to the whole file."""
+        campaign, grid = self.campaign, self.campaign.grid
+        plan = [planned for layer in layers(grid) for planned in layer]
+        nominal = plan[0].case
+        parts = list(blocks(grid.shape))
+        kept = {p.case for p in plan if self.record(p.case) is not None}
+        if nominal in kept:
+            self.require_nominal(nominal)
+        self.advance(len(kept))
+        jobs: dict[str, Job] = {}
+        needs: dict[str, list[str]] = {}
+        for planned in plan:
+            if planned.case not in kept:
+                jobs[_case(planned.case)] = SolveCase(campaign, planned)
+                needs[_case(planned.case)] = [_case(n) for n in planned.neighbours]
+        for block in parts:
+            cases = block.cases(grid.shape)
+            fresh = any(c not in kept for c in cases)
+            if fresh or load_block(campaign.folder, block.number) is None:
+                jobs[f"block {block.number}"] = AssembleBlock(campaign, block)
+                needs[f"block {block.number}"] = [_case(c) for c in cases]
+
+        def finished(name: str) -> None:
+            if not jobs[name].result.exists():
+                raise BuildError(
+                    f"{name}: its result is not in {campaign.folder}; the workers must see the same "
+                    "folder as this process: choose a path on a shared file system"
+                )
+            if name == _case(nominal):
+                self.require_nominal(nominal)
+            self.advance(1 if name.startswith("case") else 0)
+
+        try:
+            run_jobs(jobs, needs, self.engine, finished)
+        finally:
+            self.engine.close()
+        solve_seconds = time.perf_counter() - self.began
+        tally = _Tally()
+        final_time = self.require_nominal(nominal).trajectory.final_time
+        write_database(self.path, campaign, final_time, tally.count(self, parts))
+        discard_records(campaign.folder)
+        shutil.rmtree(campaign.folder)
+        iterations = tally.iterations
+        return BuildReport(
+            path=self.path,
+            cases=grid.size,
+            solved=len(iterations),
+            resumed=len(kept),
+            failures=tuple(tally.failures),
+            median_iterations=float(np.median(iterations)) if iterations else np.nan,
+            worst_iterations=max(iterations, default=0),
+            seconds=time.perf_counter() - self.began,
+            solve_seconds=solve_seconds,
+            worst_position_error=tally.worst_position_error,
+            worst_limit=tally.worst_limit,
+        )
+
+    def record(self, case: int) -> CaseRecord | None:
+        """What is kept of a case."""
+        return load_record(self.campaign.folder, case, self.campaign.mission)
+
+    def block(self, block: Block) -> dict[str, np.ndarray]:
+        """The values of an assembled block."""
+        values = load_block(self.campaign.folder, block.number)
+        if values is None:
+            raise BuildError(
+                f"{block_path(self.campaign.folder, block.number)} has disappeared or changed during "
+                "the build; run the same build again"
+            )
+        return values
+
+    def require_nominal(self, case: int) -> CaseRecord:
+        """Without a nominal optimum there is nothing to continue from, and nothing to fly."""
+        record, folder = self.record(case), self.campaign.folder
+        if record is None:
+            raise BuildError(
+                f"{record_path(folder, case)} has disappeared or changed during the build; "
+                "run the same build again"
+            )
+        if not record.trajectory.status.ok:
+            shutil.rmtree(folder)
+            raise BuildError(
+                f"{self.campaign.mission.name}: the nominal problem has no solution "
+                f"({record.message}) Nothing was written; move the target, widen the limits, "
+                "or try another guess"
+            )
+        return record
+
+
+@dataclass(eq=False)
+class _Tally:
+    """What the report says, gathered while the blocks pass by."""
+
+    iterations: list[int] = field(default_factory=list)
+    failures: list[str] = field(default_factory=list)
+    worst_position_error: float = float("nan")
+    worst_limit: float = float("nan")
+
+    def count(
+        self, run: _Build, parts: list[Block]
+    ) -> Iterator[tuple[Block, dict[str, np.ndarray]]]:
+        """Pass the blocks on, in index order."""
+        grid = run.campaign.grid
+        for block in parts:
+            values = run.block(block)
+            good = values["status"].ravel() == int(Status.SOLVED)
+            self.iterations += values["iterations"].ravel()[good].tolist()
+            for case, ok, message in zip(
+                block.cases(grid.shape), good, values["message"].ravel(), strict=True
+            ):
+                if not ok:
+                    text = message.decode("utf-8", "replace")
+                    self.failures.append(f"{grid.describe(case)}: {text}")
+            self.worst_position_error = _worst(self.worst_position_error, values["position_error"])
+            self.worst_limit = _worst(self.worst_limit, values["peak"])
+            yield block, values
+
+
+def _case(case: int) -> str:
+    return f"case {case}"
+
+
+def _worst(before: float, values: np.ndarray) -> float:
+    return float(np.fmax(before, np.fmax.reduce(values, axis=None)))
+
+
+@contextmanager
+def _told(folder: Path, path: Path) -> Iterator[None]:
+    """What stops a build from outside, in one sentence that says how to go on."""
+    try:
+        yield
+    except LockedError as locked:
+        raise BuildError(
+            f"{path} is being built by {locked.holder}; wait for it, or choose another path"
+        ) from None
+    except OSError as error:
+        reason = error.strerror or str(error)
+        way_out = _WAYS_OUT.get(error.errno or 0, "run the same build again when that is mended")
+        raise BuildError(
+            f"{error.filename or folder}: {reason}; {_kept(folder)}{way_out}"
+        ) from None
+    except JobError as error:
+        raise BuildError(f"{path}: {error}; {_kept(folder)}run the same build again") from None
+
+
+_WAYS_OUT = {
+    errno.ENOSPC: "make room and run the same build again",
+    errno.EDQUOT: "make room and run the same build again",
+    errno.EFBIG: "allow larger files and run the same build again",
+    errno.EROFS: "choose a folder that can be written",
+    errno.EACCES: "choose a folder that can be written",
+    errno.EPERM: "choose a folder that can be written",
+}
+
+
+def _kept(folder: Path) -> str:
+    count = len(list(folder.glob("case_*.npz")))
+    return f"{count} finished cases are kept in {folder}: " if count else ""
 
 
 def _refuse_other_database(path: Path, mission: Mission) -> None:
@@ -129,43 +327,25 @@ def _refuse_other_database(path: Path, mission: Mission) -> None:
         )
 
 
-def _require_nominal(folder: Path, case: int, mission: Mission) -> None:
-    """Without a nominal optimum there is nothing to continue from, and nothing to fly."""
-    record = _whole_record(folder, case, mission)
-    if not record.trajectory.status.ok:
-        shutil.rmtree(folder)
-        raise BuildError(
-            f"{mission.name}: the nominal problem has no solution: {record.message} "
-            "Nothing was written; move the target, widen the limits, or try another guess"
-        )
-
-
-def _open_partial(folder: Path, mission: Mission) -> None:
-    """Create the folder of records, or check that the one there belongs to this build."""
-    settings = json.dumps(asdict(SolverSettings()), sort_keys=True)
+def _claim(folder: Path, campaign: Campaign) -> None:
+    """Mark the folder of records as this build's, or refuse it if it is another's."""
+    settings = json.dumps(
+        [asdict(SolverSettings()), asdict(campaign.gains), campaign.time_limit], sort_keys=True
+    )
     fingerprint = {
-        "mission": mission.name,
-        "mission_sha256": hashlib.sha256(mission.toml.encode()).hexdigest(),
-        "solver_sha256": hashlib.sha256(settings.encode()).hexdigest(),
+        "mission": campaign.mission.name,
+        "mission_sha256": hashlib.sha256(campaign.toml.encode()).hexdigest(),
+        "settings_sha256": hashlib.sha256(settings.encode()).hexdigest(),
+        "solver": solver_name(campaign.solver),
         "ampi_version": package_version("ampi"),
     }
-    folder.mkdir(exist_ok=True)
     found = read_fingerprint(folder)
     if found is None:
-        write_fingerprint(folder, fingerprint)
+        discard_records(folder)  # records of unknown origin are none
+        write_fingerprint(folder, fingerprint, campaign.toml)
     elif found != fingerprint:
         differing = [k for k in fingerprint if found.get(k) != fingerprint[k]]
         raise BuildError(
             f"{folder} holds cases of another build (different {', '.join(differing)}); "
-            "finish that build, choose another path, or delete the folder"
+            "finish that build, choose another path, or start afresh with resume off"
         )
-
-
-def _whole_record(folder: Path, case: int, mission: Mission) -> CaseRecord:
-    record = load_record(folder, case, mission)
-    if record is None:  # solved, kept, and gone: someone else is at work in the folder
-        raise BuildError(
-            f"{record_path(folder, case)} has disappeared or changed during the build; "
-            "is another process building the same file? Run the same build again"
-        )
-    return record

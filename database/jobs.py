@@ -1,97 +1,85 @@
-"""Solving the cases in parallel. A worker keeps its own result; a failed case is a record.
+"""The two kinds of work in a build: solve a case, assemble a block. Each keeps its own result.
 
-Every case is one file, written under another name, flushed to disk and renamed: a worker or a driver
-that dies at any moment leaves whole records only, and the next run continues from them.
+A case is tried from each neighbour at once, then along paths of more and more steps in p, at last from
+nothing. An attempt that fails, raises or exceeds its time limit is a line of the record, and the next
+one follows; a case without a solution is a record with a status, never a hole.
+
+A job depends on the mission and on records already kept, on nothing else. It may be run anywhere, any
+number of times, and always keeps the same result.
 """
 
 from __future__ import annotations
 
-import json
-import os
+import signal
 import time
-import traceback
-import warnings
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from pathlib import Path
-from zipfile import BadZipFile
+from typing import Protocol
 
 import numpy as np
-from joblib import Parallel, delayed
-from numpy.typing import NDArray
 
 from ampi.missions.mission import Mission, parse_mission
+from ampi.pseudospectral.mesh import Mesh
 from ampi.scp.solve import solve
-from ampi.trajectory import Statistics, Status, Trajectory
+from ampi.trajectory import Status, Trajectory
+from database.blocks import Block, assemble
 from database.continuation import PlannedCase
+from database.gains import GainSettings
 from database.grid import Grid
-
-Array = NDArray[np.float64]
+from database.records import (
+    CaseRecord,
+    block_path,
+    load_record,
+    record_path,
+    save_block,
+    save_record,
+)
 
 PATH_STEPS = (4, 16)  # a failed case is retried along this many steps of p
+TIME_LIMIT = 60.0  # s for one solve: some 300 times what a hard one takes
 
 
-@dataclass(frozen=True, eq=False)
-class CaseRecord:
-    """What is kept of one case."""
-
-    case: int
-    trajectory: Trajectory
-    message: str
-    solves: int  # optimal control problems solved to get there
-    seconds: float
+class JobError(RuntimeError):
+    """A job that could not keep a result: the build cannot go on."""
 
 
-def record_path(folder: Path, case: int) -> Path:
-    """File of one case."""
-    return folder / f"case_{case:06d}.npz"
+class Solver(Protocol):
+    """An optimiser: a mission and a neighbour's trajectory in, a trajectory out."""
+
+    __module__: str
+    __qualname__: str
+
+    def __call__(self, mission: Mission, *, guess: Trajectory | None = None) -> Trajectory:
+        """Solve."""
 
 
-def save_record(folder: Path, record: CaseRecord) -> None:
-    """Write, flush, rename: a record is whole or absent."""
-    trajectory = record.trajectory
-    target = record_path(folder, record.case)
-    temporary = target.with_suffix(f".{os.getpid()}.tmp")
-    with temporary.open("wb") as file:
-        np.savez(
-            file,
-            states=trajectory.states,
-            bank_rate=trajectory.bank_rate,
-            scalars=np.array([trajectory.final_time, trajectory.cost, record.seconds]),
-            counts=np.array(
-                [int(trajectory.status), trajectory.statistics.iterations, record.solves]
-            ),
-            limit_excess=np.array(trajectory.statistics.limit_excess),
-            message=np.array(record.message),
-        )
-        file.flush()
-        os.fsync(file.fileno())
-    temporary.replace(target)
+def solver_name(solver: Solver) -> str:
+    """Where to find an optimiser, for the records and for the file."""
+    return f"{solver.__module__}.{solver.__qualname__}"
 
 
-def load_record(folder: Path, case: int, mission: Mission) -> CaseRecord | None:
-    """The record of a case, or None if it is absent or damaged (then it is solved again)."""
-    try:
-        with record_path(folder, case).open("rb") as file, np.load(file) as data:
-            final_time, cost, seconds = (float(v) for v in data["scalars"])
-            status, iterations, solves = (int(v) for v in data["counts"])
-            excess = data["limit_excess"]
-            trajectory = Trajectory(
-                mesh=mission.pseudospectral_mesh,
-                states=data["states"],
-                bank_rate=data["bank_rate"],
-                final_time=final_time,
-                cost=cost,
-                status=Status(status),
-                statistics=Statistics(
-                    iterations=iterations,
-                    limit_excess=tuple(excess.tolist()),
-                ),
-            )
-            return CaseRecord(case, trajectory, str(data["message"]), solves, seconds)
-    except (OSError, ValueError, KeyError, EOFError, BadZipFile):
-        return None
+@dataclass(frozen=True)
+class Campaign:
+    """What all jobs of a build share; it travels to the workers."""
+
+    toml: str
+    folder: Path
+    solver: Solver = solve
+    time_limit: float = TIME_LIMIT  # s, of one solve
+    gains: GainSettings = field(default_factory=GainSettings)
+
+    @property
+    def mission(self) -> Mission:
+        """The mission, parsed once per process."""
+        return _mission_and_grid(self.toml)[0]
+
+    @property
+    def grid(self) -> Grid:
+        """Its grid."""
+        return _mission_and_grid(self.toml)[1]
 
 
 @lru_cache(maxsize=4)
@@ -100,93 +88,184 @@ def _mission_and_grid(toml: str) -> tuple[Mission, Grid]:
     return mission, Grid.from_mission(mission)
 
 
-def solve_case(toml: str, folder: str, planned: PlannedCase) -> int:
-    """Worker: solve one case from its neighbours' records and keep the result. Returns the case."""
-    began = time.perf_counter()
-    mission, grid = _mission_and_grid(toml)
+@dataclass(frozen=True)
+class Attempt:
+    """One way to a case: from a solved neighbour in `steps` steps of p, or from nothing."""
+
+    neighbour: int | None
+    steps: int = 1
+
+    def __str__(self) -> str:
+        if self.neighbour is None:
+            return "from a constant bank angle"
+        return f"from case {self.neighbour} in {self.steps} step(s)"
+
+
+def attempts(neighbours: Sequence[int]) -> list[Attempt]:
+    """All attempts at a case with these solved neighbours, in order."""
+    from_neighbours = [Attempt(n, steps) for steps in (1, *PATH_STEPS) for n in neighbours]
+    return [*from_neighbours, Attempt(None)]
+
+
+class Job(Protocol):
+    """Work that a process does alone."""
+
+    @property
+    def result(self) -> Path:
+        """The file that the job leaves."""
+
+    def run(self, announce: Callable[[int], None]) -> None:
+        """Do it, telling the number of each attempt before it begins."""
+
+    def without(self, attempt: int) -> Job:
+        """The same job, but for an attempt that has exceeded its time limit."""
+
+    def give_up(self, reason: str) -> None:
+        """Keep a result that says why there is none."""
+
+
+@dataclass(frozen=True)
+class SolveCase:
+    """Solve one case from its neighbours' records and keep the result."""
+
+    campaign: Campaign
+    planned: PlannedCase
+    overdue: frozenset[int] = frozenset()  # attempts that have exceeded the time limit
+
+    @property
+    def result(self) -> Path:
+        """The case's record."""
+        return record_path(self.campaign.folder, self.planned.case)
+
+    def run(self, announce: Callable[[int], None]) -> None:
+        """Attempt after attempt, until one succeeds."""
+        began = time.perf_counter()
+        mission, grid = self.campaign.mission, self.campaign.grid
+        starts = self._starts()
+        log, solves = list[str](), 0
+        best: Trajectory | None = None
+        for number, attempt in enumerate(attempts(list(starts))):
+            if number in self.overdue:
+                limit = self.campaign.time_limit
+                log.append(f"{attempt}: Stopped at the time limit of {limit:g} s.")
+                continue
+            announce(number)
+            start = None if attempt.neighbour is None else starts[attempt.neighbour]
+            path = path_to(mission, grid, self.planned.case, attempt)
+            try:
+                flown, count = follow(self.campaign, path, start)
+            except Exception as error:  # whatever it was, it belongs in the record
+                log.append(f"{attempt}: {type(error).__name__}: {error}")
+                continue
+            solves += count
+            log.append(f"{attempt}: {flown.status.sentence}")
+            if flown.status.ok:
+                best, log = flown, log[-1:]
+                break
+            if count == len(path) and (best is None or attempt.neighbour is not None):
+                best = flown  # it has come to the case's own problem, if not to a solution
+        trajectory = no_trajectory(mission.pseudospectral_mesh) if best is None else best
+        seconds = time.perf_counter() - began
+        record = CaseRecord(self.planned.case, trajectory, "; ".join(log), solves, seconds)
+        save_record(self.campaign.folder, record)
+
+    def without(self, attempt: int) -> SolveCase:
+        """The same case along the other paths."""
+        return replace(self, overdue=self.overdue | {attempt})
+
+    def give_up(self, reason: str) -> None:
+        """A record with the status ERROR."""
+        nothing = no_trajectory(self.campaign.mission.pseudospectral_mesh)
+        save_record(self.campaign.folder, CaseRecord(self.planned.case, nothing, reason, 0, 0.0))
+
+    def _starts(self) -> dict[int, Trajectory]:
+        """The solved neighbours, best first."""
+        found = {}
+        for neighbour in self.planned.neighbours:
+            record = load_record(self.campaign.folder, neighbour, self.campaign.mission)
+            if record is not None and record.trajectory.status.ok:
+                found[neighbour] = record.trajectory
+        return found
+
+
+@dataclass(frozen=True)
+class AssembleBlock:
+    """Gains and re-integration of a block whose cases are all kept."""
+
+    campaign: Campaign
+    block: Block
+
+    @property
+    def result(self) -> Path:
+        """The block's file."""
+        return block_path(self.campaign.folder, self.block.number)
+
+    def run(self, announce: Callable[[int], None]) -> None:
+        """Assemble and keep."""
+        announce(0)
+        folder, mission = self.campaign.folder, self.campaign.mission
+        records = []
+        for case in self.block.cases(self.campaign.grid.shape):
+            record = load_record(folder, case, mission)
+            if record is None:
+                raise JobError(
+                    f"{record_path(folder, case)} has disappeared or changed during the build"
+                )
+            records.append(record)
+        with stopped_after(self.campaign.time_limit * len(records)):
+            values = assemble(mission, self.block, records, self.campaign.gains)
+        save_block(folder, self.block.number, values)
+
+    def without(self, attempt: int) -> Job:
+        """There is one way only."""
+        raise JobError(f"block {self.block.number}: its re-integration exceeded its time limit")
+
+    def give_up(self, reason: str) -> None:
+        """A block is part of the file: there is no build without it."""
+        raise JobError(f"block {self.block.number}: {reason}")
+
+
+def path_to(mission: Mission, grid: Grid, case: int, attempt: Attempt) -> list[Mission]:
+    """The missions to solve on the way of an attempt, that of the case last."""
+    goal = grid.point(case)
+    origin = goal if attempt.neighbour is None else grid.point(attempt.neighbour)
+    return [
+        mission.with_entry(origin + (goal - origin) * (k / attempt.steps))
+        for k in range(1, attempt.steps + 1)
+    ]
+
+
+def follow(
+    campaign: Campaign, path: list[Mission], start: Trajectory | None
+) -> tuple[Trajectory, int]:
+    """Solve along a path, each mission from the one before: the last trajectory, the solves."""
+    solves, flown = 0, start
+    for mission in path:
+        with stopped_after(campaign.time_limit):
+            flown = campaign.solver(mission, guess=flown)
+        solves += 1
+        if not flown.status.ok:
+            break
+    if flown is None:
+        raise ValueError("path: expected at least one mission, got none")
+    return flown, solves
+
+
+@contextmanager
+def stopped_after(seconds: float) -> Iterator[None]:
+    """End this process if the block takes longer.
+
+    The kernel does it, by a signal that nothing handles: code that is stuck in a library never comes
+    back to the interpreter, where an exception could be raised.
+    """
+    signal.setitimer(signal.ITIMER_REAL, seconds)
     try:
-        trajectory, solves, message = _attempts(mission, grid, Path(folder), planned)
-    except Exception:  # whatever it was, it belongs in the record, not in the driver
-        n = mission.pseudospectral_mesh.n_nodes
-        nan = np.full((7, n), np.nan)
-        trajectory = Trajectory(
-            mission.pseudospectral_mesh, nan, nan[0], np.nan, np.nan, Status.ERROR
-        )
-        solves, message = 0, traceback.format_exc()
-    record = CaseRecord(planned.case, trajectory, message, solves, time.perf_counter() - began)
-    save_record(Path(folder), record)
-    return planned.case
+        yield
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0.0)
 
 
-def _attempts(
-    mission: Mission, grid: Grid, folder: Path, planned: PlannedCase
-) -> tuple[Trajectory, int, str]:
-    """From each neighbour at once, then along a path in p from the first; the centre from nothing."""
-    goal = grid.point(planned.case)
-    if not planned.neighbours:
-        trajectory = solve(mission.with_entry(goal))
-        return trajectory, 1, trajectory.status.sentence
-    starts: list[tuple[int, Trajectory]] = []
-    for neighbour in planned.neighbours:
-        record = load_record(folder, neighbour, mission)
-        if record is not None and record.trajectory.status.ok:
-            starts.append((neighbour, record.trajectory))
-    log: list[str] = []
-    solves = 0
-    best: Trajectory | None = None
-    for steps in (1, *PATH_STEPS):
-        for neighbour, start in starts:
-            origin, trajectory = grid.point(neighbour), start
-            for k in range(1, steps + 1):
-                at = origin + (goal - origin) * (k / steps)
-                trajectory = solve(mission.with_entry(at), guess=trajectory)
-                solves += 1
-                if not trajectory.status.ok:
-                    break
-            log.append(f"from case {neighbour} in {steps} step(s): {trajectory.status.sentence}")
-            if trajectory.status.ok:
-                return trajectory, solves, log[-1]
-            best = trajectory if k == steps else best
-    trajectory = solve(mission.with_entry(goal))
-    log.append(f"from a constant bank angle: {trajectory.status.sentence}")
-    if best is not None and not trajectory.status.ok:
-        trajectory = best
-    return trajectory, solves + 1, "; ".join(log)
-
-
-def run_layer(
-    toml: str,
-    folder: Path,
-    layer: list[PlannedCase],
-    *,
-    n_jobs: int,
-    advance: Callable[[int], None],
-) -> None:
-    """Solve the cases of one layer on `n_jobs` processes."""
-    tasks = (delayed(solve_case)(toml, str(folder), planned) for planned in layer)
-    with Parallel(n_jobs=n_jobs, return_as="generator_unordered") as pool:
-        finished = pool(tasks)
-        try:
-            for _ in finished:
-                advance(1)
-        except BaseException:
-            with warnings.catch_warnings():
-                # joblib warns that tasks under way are dropped: they are, and will be solved again
-                warnings.simplefilter("ignore", UserWarning)
-                finished.close()
-            raise
-
-
-def write_fingerprint(folder: Path, fingerprint: dict[str, str]) -> None:
-    """Mark a folder of records with what made it."""
-    temporary = folder / "build.json.tmp"
-    temporary.write_text(json.dumps(fingerprint, indent=1, sort_keys=True), encoding="utf-8")
-    temporary.replace(folder / "build.json")
-
-
-def read_fingerprint(folder: Path) -> dict[str, str] | None:
-    """What made the records of a folder; None if it holds none."""
-    try:
-        return dict(json.loads((folder / "build.json").read_text(encoding="utf-8")))
-    except (OSError, ValueError):
-        return None
+def no_trajectory(mesh: Mesh) -> Trajectory:
+    """What stands for a case that raised, hung or killed its process."""
+    nan = np.full((7, mesh.n_nodes), np.nan)
+    return Trajectory(mesh, nan, nan[0], np.nan, np.nan, Status.ERROR)

@@ -1,13 +1,15 @@
-"""The single writer: from case records to one HDF5 file, with provenance."""
+"""The single writer: from assembled blocks to one HDF5 file, with provenance."""
 
 from __future__ import annotations
 
 import json
 import platform
 import subprocess
+from collections.abc import Iterable
 from dataclasses import asdict
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,16 +20,14 @@ from ampi.physics.equations_of_motion import STATES
 from ampi.physics.path_constraints import PATH_CONSTRAINTS
 from ampi.pseudospectral.mesh import Mesh
 from ampi.scp.exact_hessian import SolverSettings
-from ampi.simulation.reintegration import reintegrate_many
-from database.gains import GainSettings, vertex_gains
+from database.blocks import Block, block_shape
+from database.gains import GainSettings
 from database.grid import UNITS, Grid
-from database.jobs import CaseRecord
+from database.jobs import Campaign, solver_name
 
 Array = NDArray[np.float64]
 
 HIGH_DENSITY_INTERVALS = 600
-CHUNK = 81  # cases whose gains and re-integration are computed together: bounds memory
-MESSAGE_BYTES = 400
 
 
 def high_density_times(mesh: Mesh, nominal_final_time: float) -> tuple[Array, Array]:
@@ -50,58 +50,16 @@ def high_density_times(mesh: Mesh, nominal_final_time: float) -> tuple[Array, Ar
 
 
 def write_database(
-    path: Path, mission: Mission, grid: Grid, records: list[CaseRecord], settings: GainSettings
-) -> dict[str, Array]:
-    """Gains, re-integration and everything else into `path`; returns what the report needs."""
+    path: Path,
+    campaign: Campaign,
+    nominal_final_time: float,
+    block_values: Iterable[tuple[Block, dict[str, NDArray[Any]]]],
+) -> None:
+    """Merge the blocks, in index order, into `path`."""
+    mission, grid = campaign.mission, campaign.grid
     mesh = mission.pseudospectral_mesh
-    n, cases = mesh.n_nodes, grid.size
-    states = np.stack([r.trajectory.states for r in records])
-    rate = np.stack([r.trajectory.bank_rate for r in records])
-    final_time = np.array([r.trajectory.final_time for r in records])
-    status = np.array([int(r.trajectory.status) for r in records])
-    good = np.array([r.trajectory.status.ok for r in records])
-    for array in (states, rate, final_time):
-        array[~good] = np.nan
-    gains = np.full((cases, 7, n), np.nan)
-    errors = {k: np.full(cases, np.nan) for k in ("position", "altitude", "speed")}
-    peak = np.full((cases, 3), np.nan)
-    solved = np.flatnonzero(good)
-    for chunk in np.array_split(solved, max(1, -(-len(solved) // CHUNK))):
-        if len(chunk) == 0:
-            continue
-        gains[chunk] = vertex_gains(mission, mesh, states[chunk], final_time[chunk], settings)
-        check = reintegrate_many(mission, mesh, states[chunk], final_time[chunk])
-        errors["position"][chunk] = check.position_error
-        errors["altitude"][chunk] = check.altitude_error
-        errors["speed"][chunk] = check.speed_error
-        peak[chunk] = check.peak
-    nominal = final_time[np.ravel_multi_index(grid.centre, grid.shape)]
-    # without a nominal solution the file still records every failure; it cannot fly
-    typical = float(nominal) if np.isfinite(nominal) else 2.0 * (mesh.node_time[0].max() + 1.0)
-    fixed, free = high_density_times(mesh, typical)
-    conversion = mesh.conversion(fixed + free * typical, typical).T
-    shape = grid.shape
-    values = {
-        "states": states.reshape(*shape, 7, n),
-        "bank_rate": rate.reshape(*shape, n),
-        "gains": gains.reshape(*shape, 7, n),
-        "final_time": final_time.reshape(shape),
-        "cost": np.array([r.trajectory.cost for r in records]).reshape(shape),
-        "status": status.reshape(shape),
-        "iterations": np.array([r.trajectory.statistics.iterations for r in records]).reshape(
-            shape
-        ),
-        "position_error": errors["position"].reshape(shape),
-        "altitude_error": errors["altitude"].reshape(shape),
-        "speed_error": errors["speed"].reshape(shape),
-        "peak": peak.reshape(*shape, 3),
-        "message": np.array(
-            [r.message.encode("utf-8")[:MESSAGE_BYTES] for r in records], dtype=f"S{MESSAGE_BYTES}"
-        ).reshape(shape),
-        "node_time": np.stack(mesh.node_time),
-        "high_density_time": np.stack([fixed, free]),
-        "ld_to_hd": np.ascontiguousarray(conversion),
-    }
+    fixed, free = high_density_times(mesh, nominal_final_time)
+    conversion = mesh.conversion(fixed + free * nominal_final_time, nominal_final_time).T
     write_dataset(
         path,
         names=grid.names,
@@ -111,13 +69,21 @@ def write_database(
             "state": np.array(STATES, dtype="S20"),
             "limit": np.array(PATH_CONSTRAINTS, dtype="S20"),
             "affine": np.array(["a", "b"], dtype="S1"),
-            "node": np.arange(n),
+            "node": np.arange(mesh.n_nodes),
             "high_density": np.arange(len(fixed)),
         },
-        values=values,
-        attributes=provenance(mission, grid, settings),
+        values={
+            "node_time": np.stack(mesh.node_time),
+            "high_density_time": np.stack([fixed, free]),
+            "ld_to_hd": np.ascontiguousarray(conversion),
+        },
+        block_shape=block_shape(grid.shape),
+        blocks=((block.slices, values) for block, values in block_values),
+        attributes={
+            **provenance(mission, grid, campaign.gains),
+            "solver": solver_name(campaign.solver),
+        },
     )
-    return {"position_error": errors["position"], "peak": peak}
 
 
 def provenance(mission: Mission, grid: Grid, settings: GainSettings) -> dict[str, object]:

@@ -81,9 +81,7 @@ class Program:
             half = s.half_length[0] + s.half_length[1] * final_time
             points = slice(s.collocation.start, s.collocation.stop)
             nodal = x[:, s.nodes.start : s.nodes.stop]
-            collocation.append(
-                ca.vec(nodal @ ca.DM(s.rule.derivative).T - half * rates[:, points])
-            )
+            collocation.append(ca.vec(nodal @ ca.DM(s.rule.derivative).T - half * rates[:, points]))
             effort += half * ca.sum2(ca.DM(s.rule.weights).T * u[0, points] ** 2)
         inner = mesh.segments[0].rule.nodes[1:]
         entry_rate = interpolation_matrix(inner, barycentric_weights(inner), [-1.0])
@@ -200,9 +198,7 @@ def build(mission: Mission, n_jobs: int, sample: int = 12) -> dict[str, Any]:
     with Parallel(n_jobs=n_jobs) as pool:
         for layer in plan[1:]:
             solved = pool(
-                delayed(_solve)(
-                    mission.toml, barrier, grid.point(p.case), points[p.neighbours[0]]
-                )
+                delayed(_solve)(mission.toml, barrier, grid.point(p.case), points[p.neighbours[0]])
                 for p in layer
             )
             points.update({p.case: s for p, s in zip(layer, solved, strict=True)})

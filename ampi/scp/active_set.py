@@ -104,9 +104,7 @@ def solve_active_set(problem: ConvexSubproblem) -> Step | None:
     return None
 
 
-def _step(
-    problem: ConvexSubproblem, z: Array, on_target: Array, on_rows: Array
-) -> Step | None:
+def _step(problem: ConvexSubproblem, z: Array, on_target: Array, on_rows: Array) -> Step | None:
     n, limits = len(problem.rate), problem.n_limits
     on_path = on_rows[2 * n + 1 :]
     per_limit = np.bincount(problem.path_kind, weights=on_path, minlength=limits)

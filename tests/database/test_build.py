@@ -12,11 +12,12 @@ import database
 from ampi.dataset import DatasetError, partial_folder, read_dataset
 from ampi.loading import load_guidance
 from ampi.missions.mission import Mission, parse_mission
-from ampi.trajectory import Status
+from ampi.trajectory import Status, Trajectory
 from database.build import BuildError
 from database.continuation import layers
 from database.grid import Grid
-from database.jobs import run_layer, solve_case
+from database.jobs import Campaign, SolveCase
+from database.records import load_record
 
 
 def test_file_is_the_same_for_any_number_of_workers(
@@ -109,26 +110,22 @@ def test_a_case_out_of_reach_is_a_record_and_the_file_cannot_fly(
         load_guidance(path)
 
 
-def test_an_exception_in_a_worker_is_a_record(
-    small_mission: Mission, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    def explode(*_: object, **__: object) -> None:
+def test_an_exception_in_the_optimiser_is_a_record(small_mission: Mission, tmp_path: Path) -> None:
+    def explode(*_: object, **__: object) -> Trajectory:
         raise RuntimeError("boom")
 
-    monkeypatch.setattr("database.jobs.solve", explode)
     planned = layers(Grid.from_mission(small_mission))[0][0]
-    assert solve_case(small_mission.toml, str(tmp_path), planned) == planned.case
-    with np.load(tmp_path / f"case_{planned.case:06d}.npz") as data:
-        assert int(data["counts"][0]) == int(Status.ERROR)
-        assert "RuntimeError: boom" in str(data["message"])
+    SolveCase(Campaign(small_mission.toml, tmp_path, explode), planned).run(lambda attempt: None)
+    record = load_record(tmp_path, planned.case, small_mission)
+    assert record is not None
+    assert record.trajectory.status is Status.ERROR
+    assert "RuntimeError: boom" in record.message
 
 
-def test_a_half_written_record_is_never_seen(small_mission: Mission, tmp_path: Path) -> None:
-    planned = layers(Grid.from_mission(small_mission))[0]
-    seen: list[int] = []
-    run_layer(small_mission.toml, tmp_path, planned, n_jobs=1, advance=seen.append)
-    assert seen == [1]
-    assert [f.name for f in tmp_path.iterdir()] == [f"case_{planned[0].case:06d}.npz"]
+def test_a_case_leaves_its_record_and_nothing_else(small_mission: Mission, tmp_path: Path) -> None:
+    planned = layers(Grid.from_mission(small_mission))[0][0]
+    SolveCase(Campaign(small_mission.toml, tmp_path), planned).run(lambda attempt: None)
+    assert [f.name for f in tmp_path.iterdir()] == [f"case_{planned.case:06d}.npz"]
 
 
 def test_an_existing_file_survives_a_failed_rebuild(

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 import xarray
 
-from ampi.dataset import DatasetError, read_dataset
+from ampi.dataset import DatasetError, read_dataset, seal
 from ampi.loading import guidance_table, load_guidance
 from ampi.missions.mission import Mission, parse_mission
 from ampi.physics.equations_of_motion import STATES
@@ -90,6 +90,7 @@ def test_another_schema_version_is_refused(small_database: Path, tmp_path: Path)
     shutil.copy(small_database, path)
     with h5py.File(path, "r+") as file:
         file.attrs["schema_version"] = 99
+    seal(path)
     with pytest.raises(DatasetError, match="schema version 99, this ampi reads version 1"):
         load_guidance(path)
 
@@ -102,6 +103,9 @@ def test_a_changed_value_is_found(small_database: Path, tmp_path: Path, name: st
         value = file[name][()]
         value.ravel()[0] += 1e-9
         file[name][...] = value
+    with pytest.raises(DatasetError, match="does not match its checksum"):
+        load_guidance(path)
+    seal(path)  # a forged seal does not help
     with pytest.raises(DatasetError, match="does not match its checksum"):
         load_guidance(path)
 

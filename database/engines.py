@@ -1,0 +1,106 @@
+"""Where jobs run: processes of this machine, or a dask.distributed cluster.
+
+Both engines give every job to a `Supervisor`, in a thread here or in a worker there, so that time
+limits and dying processes mean the same on both. A node of a cluster that is lost is the scheduler's
+matter: it runs the job elsewhere. joblib has no part in it: a dying process ends its loky call, and
+its dask backend then waits for ever.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from functools import lru_cache
+from typing import Any, Protocol
+
+from database.jobs import Job, JobError
+from database.supervisor import Supervisor
+
+RETRIES = 3  # of a job that raises on a cluster: a folder may be out of reach for a moment
+AHEAD = 2  # jobs submitted per worker: the next one waits where it will run
+
+
+class Engine(Protocol):
+    """Runs jobs; `tell` is called from any thread with what the job raised, or None."""
+
+    @property
+    def room(self) -> int:
+        """How many jobs may be under way."""
+
+    def submit(self, job: Job, tell: Callable[[BaseException | None], None]) -> None:
+        """Run a job some time."""
+
+    def close(self) -> None:
+        """Drop what is under way and end."""
+
+
+class LocalEngine:
+    """`n_jobs` worker processes, each watched by a thread."""
+
+    def __init__(self, n_jobs: int) -> None:
+        self._supervisor = Supervisor()
+        self._threads = ThreadPoolExecutor(n_jobs)
+        self.room = AHEAD * n_jobs
+
+    def submit(self, job: Job, tell: Callable[[BaseException | None], None]) -> None:
+        """Run a job when a worker is free."""
+        future = self._threads.submit(self._supervisor.run, job)
+        future.add_done_callback(lambda f: None if f.cancelled() else tell(f.exception()))
+
+    def close(self) -> None:
+        """End workers and threads."""
+        self._threads.shutdown(wait=False, cancel_futures=True)
+        self._supervisor.close()
+        self._threads.shutdown()
+
+
+class ClusterEngine:
+    """The workers of a dask.distributed client; they must see the folder of the build."""
+
+    room = 1000  # the scheduler has its own queues: enough for any number of workers, and bounded
+
+    def __init__(self, client: Any) -> None:
+        from distributed.scheduler import KilledWorker
+
+        self._client, self._killed = client, KilledWorker
+        self._futures: set[Any] = set()
+
+    def submit(self, job: Job, tell: Callable[[BaseException | None], None]) -> None:
+        """Run a job on some worker, and again elsewhere if that worker is lost."""
+        future = self._client.submit(run_supervised, job, pure=False, retries=RETRIES)
+        self._futures.add(future)
+
+        def done(finished: Any) -> None:
+            self._futures.discard(finished)
+            if finished.status == "finished":
+                tell(None)
+            elif finished.status == "error":
+                tell(self.outcome(job, finished.exception()))
+            else:
+                tell(JobError(f"the cluster has dropped a job ({finished.status})"))
+
+        future.add_done_callback(done)
+
+    def outcome(self, job: Job, error: BaseException) -> BaseException | None:
+        """A job whose workers were lost time and again is a record, as on one machine."""
+        if not isinstance(error, self._killed):
+            return error
+        try:
+            job.give_up("The cluster lost every worker that tried it.")  # no address: same bytes
+        except (OSError, JobError) as failure:
+            return failure
+        return None
+
+    def close(self) -> None:
+        """Drop what is under way; the client stays open, it is not ours."""
+        self._client.cancel(list(self._futures))
+
+
+@lru_cache(maxsize=1)
+def _here() -> Supervisor:
+    return Supervisor()
+
+
+def run_supervised(job: Job) -> None:
+    """A job in a process of its own on a cluster's worker, which it cannot bring down."""
+    _here().run(job)

@@ -1,0 +1,147 @@
+"""One case again, with everything a person wants to see: each attempt and its convergence log.
+
+The case is solved as the build solves it, from the same neighbours along the same paths, from a finished
+file or from the records of a build under way. Nothing is written.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+from ampi.dataset import DatasetError, partial_folder, read_dataset
+from ampi.missions.mission import Mission, parse_mission
+from ampi.trajectory import Trajectory
+from database.continuation import layers
+from database.grid import Grid
+from database.jobs import Campaign, attempts, follow, no_trajectory, path_to
+from database.records import load_record
+
+PATIENCE = 86400.0  # s for one solve: a person is watching, and can stop it
+
+
+@dataclass(frozen=True, eq=False)
+class AttemptResult:
+    """How one attempt went."""
+
+    attempt: str
+    outcome: str
+    solves: int
+    trajectory: Trajectory | None  # of its last solve; None if it raised
+
+    def as_dict(self) -> dict[str, Any]:
+        """Plain values for JSON."""
+        log = () if self.trajectory is None else self.trajectory.statistics.log
+        return {
+            "attempt": self.attempt,
+            "outcome": self.outcome,
+            "solves": self.solves,
+            "log": [asdict(row) for row in log],
+        }
+
+
+@dataclass(frozen=True, eq=False)
+class Rerun:
+    """A case solved again."""
+
+    case: int
+    where: str  # grid index, for people
+    mission: Mission  # of this case
+    stored: str  # what the file or the folder says of it
+    attempts: tuple[AttemptResult, ...]
+    trajectory: Trajectory
+
+    def as_dict(self) -> dict[str, Any]:
+        """Plain values for JSON."""
+        return {
+            "case": self.case,
+            "where": self.where,
+            "stored": self.stored,
+            **self.trajectory.summary(),
+            "attempts": [a.as_dict() for a in self.attempts],
+        }
+
+
+def rerun(
+    path: str | Path, case: int, *, watch: Callable[[AttemptResult], None] | None = None
+) -> Rerun:
+    """Solve case number `case` (C order) of a file, or of the records of a build, again.
+
+    `watch` is called after each attempt.
+
+    Raises
+    ------
+    DatasetError
+        If neither file nor records are there, or the file is damaged.
+    ValueError
+        If the grid has no such case.
+    """
+    toml, stored = _open(Path(path))
+    campaign = Campaign(toml, Path(path), time_limit=PATIENCE)
+    mission, grid = campaign.mission, campaign.grid
+    if not 0 <= case < grid.size:
+        raise ValueError(f"case: expected a number from 0 to {grid.size - 1}, got {case}")
+    starts = _solved_neighbours(grid, case, stored)
+    results: list[AttemptResult] = []
+    for attempt in attempts(list(starts)):
+        start = None if attempt.neighbour is None else starts[attempt.neighbour]
+        try:
+            flown, solves = follow(campaign, path_to(mission, grid, case, attempt), start)
+            result = AttemptResult(str(attempt), flown.status.sentence, solves, flown)
+        except Exception as error:  # as in the build: an attempt that raises is one that failed
+            result = AttemptResult(str(attempt), f"{type(error).__name__}: {error}", 0, None)
+        results.append(result)
+        if watch is not None:
+            watch(result)
+        if result.trajectory is not None and result.trajectory.status.ok:
+            break
+    last = results[-1].trajectory
+    known = stored(case)
+    return Rerun(
+        case=case,
+        where=grid.describe(case),
+        mission=path_to(mission, grid, case, attempts([])[0])[-1],
+        stored="nothing yet" if known is None else known[1],
+        attempts=tuple(results),
+        trajectory=no_trajectory(mission.pseudospectral_mesh) if last is None else last,
+    )
+
+
+Stored = Callable[[int], tuple[Trajectory, str] | None]
+
+
+def _open(path: Path) -> tuple[str, Stored]:
+    """Mission text, and what is known of each case: its trajectory and message."""
+    folder = path if path.is_dir() else partial_folder(path)
+    if path.is_file() or not folder.is_dir():
+        dataset = read_dataset(path)  # an absent file is its error
+
+        def from_file(case: int) -> tuple[Trajectory, str]:
+            return dataset.trajectory(case), dataset.message.ravel()[case].decode()
+
+        return dataset.mission.toml, from_file
+    try:
+        toml = (folder / "mission.toml").read_text(encoding="utf-8")
+    except OSError:
+        raise DatasetError(
+            f"{folder}: expected the records of a build, got a folder without mission.toml"
+        ) from None
+    mission = parse_mission(toml)
+
+    def from_records(case: int) -> tuple[Trajectory, str] | None:
+        record = load_record(folder, case, mission)
+        return None if record is None else (record.trajectory, record.message)
+
+    return toml, from_records
+
+
+def _solved_neighbours(grid: Grid, case: int, stored: Stored) -> dict[int, Trajectory]:
+    planned = next(p for layer in layers(grid) for p in layer if p.case == case)
+    found = {}
+    for neighbour in planned.neighbours:
+        known = stored(neighbour)
+        if known is not None and known[0].status.ok:
+            found[neighbour] = known[0]
+    return found

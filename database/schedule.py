@@ -1,0 +1,53 @@
+"""In which order jobs run: each as soon as the results that it builds on are kept.
+
+No layer waits for its slowest case. What a job builds on is fixed by the plan, never by what happens
+to be finished, so the order of execution leaves no trace in the results.
+"""
+
+from __future__ import annotations
+
+import queue
+from collections import defaultdict, deque
+from collections.abc import Callable, Collection, Mapping
+
+from database.engines import Engine
+from database.jobs import Job
+
+
+def run_jobs(
+    jobs: Mapping[str, Job],
+    needs: Mapping[str, Collection[str]],
+    engine: Engine,
+    finished: Callable[[str], None],
+) -> None:
+    """Run all `jobs`, each after those it `needs`; needs that are no job are met already.
+
+    `finished` is called, in this thread, with the name of each job whose result is kept. What a job
+    raises is raised here.
+    """
+    open_needs = {name: {n for n in needs[name] if n in jobs} for name in jobs}
+    waited_for = defaultdict[str, list[str]](list)
+    for name, open_ones in open_needs.items():
+        for n in open_ones:
+            waited_for[n].append(name)
+    ready = deque(name for name, open_ones in open_needs.items() if not open_ones)
+    told: queue.SimpleQueue[tuple[str, BaseException | None]] = queue.SimpleQueue()
+    under_way = 0
+
+    def submit(name: str) -> None:
+        engine.submit(jobs[name], lambda error: told.put((name, error)))
+
+    while ready or under_way:
+        room = engine.room
+        while ready and under_way < room:
+            submit(ready.popleft())
+            under_way += 1
+        name, error = told.get()
+        under_way -= 1
+        if error is not None:
+            raise error
+        for waiting in waited_for.pop(name, ()):
+            open_needs[waiting].discard(name)
+            if not open_needs[waiting]:
+                ready.append(waiting)
+        finished(name)

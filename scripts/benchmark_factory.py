@@ -1,0 +1,151 @@
+"""Measure the database factory: its limits without the optimiser, a real build, its efficiency.
+
+python scripts/benchmark_factory.py                 print the table
+python scripts/benchmark_factory.py --json          print the numbers
+python scripts/benchmark_factory.py --repeats 5     medians over more runs
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import platform
+import resource
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+import ampi
+import database
+from ampi.missions.mission import parse_mission
+from ampi.scp.solve import solve
+from database.stand_in import neighbour_moved
+
+SPANS = {
+    "altitude_m": 250.0,
+    "longitude_deg": 0.5,
+    "latitude_deg": 0.5,
+    "speed_m_per_s": 70.0,
+    "flight_path_angle_deg": 0.5,
+    "azimuth_deg": 0.5,
+}
+SOLVERS = {"optimiser": solve, "stand-in": neighbour_moved}
+
+
+def mission_with_grid(points: int, dimensions: int) -> ampi.Mission:
+    """SHEFEX-3 with `points` per axis on the last `dimensions` axes of the hexeract."""
+    text = ampi.load_mission("shefex3").toml
+    axes = list(SPANS.items())[len(SPANS) - dimensions :]
+    lines = [f"{name} = {np.linspace(-span, span, points).tolist()}" for name, span in axes]
+    return parse_mission(text[: text.index("[grid]")] + "\n".join(["[grid]", *lines, ""]))
+
+
+def build_once(points: int, dimensions: int, jobs: int, solver: str) -> dict[str, Any]:
+    """One build in this process, with its memory; meant to be the only thing the process does."""
+    mission = mission_with_grid(points, dimensions)
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "grid.h5"
+        began = time.perf_counter()
+        report = database.build(mission, path, n_jobs=jobs, solver=SOLVERS[solver])
+        seconds = time.perf_counter() - began
+        return {
+            "grid": f"{points}^{dimensions}",
+            "cases": report.cases,
+            "solved": report.solved,
+            "solver": solver,
+            "processes": jobs,
+            "seconds": seconds,
+            "merge_seconds": report.seconds - report.solve_seconds,
+            "cases_per_second": report.cases / seconds,
+            "driver_peak_MiB": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024,
+            "largest_worker_peak_MiB": resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss
+            / 1024,
+            "file_MB": path.stat().st_size / 1e6,
+            "worst_position_error_m": report.worst_position_error,
+        }
+
+
+def in_a_process(points: int, dimensions: int, jobs: int, solver: str) -> dict[str, Any]:
+    """`build_once` in a process of its own."""
+    arguments = [str(points), str(dimensions), str(jobs), solver]
+    done = subprocess.run(
+        [sys.executable, __file__, "--once", *arguments], stdout=subprocess.PIPE, check=True
+    )
+    found: dict[str, Any] = json.loads(done.stdout)
+    return found
+
+
+def efficiency(points: int, dimensions: int, repeats: int) -> dict[str, Any]:
+    """One process against two, in turn, so that what else the machine does falls on both."""
+    seconds: dict[int, list[float]] = {1: [], 2: []}
+    for _ in range(repeats):
+        for jobs, found in seconds.items():
+            found.append(in_a_process(points, dimensions, jobs, "optimiser")["seconds"])
+    one, two = (float(np.median(seconds[jobs])) for jobs in (1, 2))
+    return {
+        "grid": f"{points}^{dimensions}",
+        "repeats": repeats,
+        "seconds_one_process": seconds[1],
+        "seconds_two_processes": seconds[2],
+        "efficiency": one / (2.0 * two),
+    }
+
+
+def measure(arguments: argparse.Namespace) -> dict[str, Any]:
+    """Everything, in one run."""
+    return {
+        "runner": in_a_process(arguments.points, 6, 2, "stand-in"),
+        "real": in_a_process(5, 3, 2, "optimiser"),
+        "parallel": efficiency(3, 6, arguments.repeats),
+        "machine": f"{os.cpu_count()} cores, Python {platform.python_version()}",
+    }
+
+
+def table(found: dict[str, Any]) -> str:
+    """For people."""
+    lines = [
+        "| grid | optimiser | cases/s | driver, peak | largest worker, peak | file | merge |",
+        "|---|---|---|---|---|---|---|",
+    ]
+    for key in ("runner", "real"):
+        b = found[key]
+        lines.append(
+            f"| {b['grid']} = {b['cases']} | {b['solver']} | {b['cases_per_second']:.0f} | "
+            f"{b['driver_peak_MiB']:.0f} MiB | {b['largest_worker_peak_MiB']:.0f} MiB | "
+            f"{b['file_MB']:.1f} MB | {b['merge_seconds']:.1f} s |"
+        )
+    p = found["parallel"]
+    lines += [
+        "",
+        f"{p['grid']}, two processes against one, medians of {p['repeats']}: "
+        f"{np.median(p['seconds_one_process']):.1f} s and "
+        f"{np.median(p['seconds_two_processes']):.1f} s, efficiency {p['efficiency']:.3f} "
+        f"({found['machine']})",
+    ]
+    return "\n".join(lines)
+
+
+def main() -> None:
+    """Parse, measure, print."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--json", action="store_true", help="print the numbers as JSON")
+    parser.add_argument("--repeats", type=int, default=3, help="of the builds that are compared")
+    parser.add_argument("--points", type=int, default=5, help="per axis, of the runner's six")
+    parser.add_argument("--once", nargs=4, help=argparse.SUPPRESS)
+    arguments = parser.parse_args()
+    if arguments.once:
+        points, dimensions, jobs, solver = arguments.once
+        print(json.dumps(build_once(int(points), int(dimensions), int(jobs), solver)))
+        return
+    found = measure(arguments)
+    print(json.dumps(found, indent=1) if arguments.json else table(found))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,278 @@
+"""What a build does when an optimiser, a process, a disk or another build is in its way."""
+
+from __future__ import annotations
+
+import fcntl
+import os
+import resource
+import shutil
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import numpy as np
+import pytest
+
+import database
+from ampi.dataset import TrajectoryDataset, partial_folder, read_dataset
+from ampi.missions.mission import Mission, parse_mission
+from ampi.trajectory import Status
+from database.build import BuildError
+from database.continuation import layers
+from database.grid import Grid
+from database.jobs import Campaign, SolveCase
+from database.records import load_record
+from database.stand_in import neighbour_moved
+from database.supervisor import Supervisor
+
+HERE = Path(__file__).parent
+
+
+@pytest.fixture
+def misbehaving(small_database: Path, monkeypatch: pytest.MonkeyPatch) -> ModuleType:
+    monkeypatch.syspath_prepend(HERE)
+    monkeypatch.setenv("AMPI_TEST_DATABASE", str(small_database))
+    import misbehaving
+
+    return misbehaving
+
+
+def fast_cases(dataset: TrajectoryDataset) -> np.ndarray:
+    """Which cases have the greatest speed, (p…)."""
+    fast = np.zeros(dataset.shape, dtype=bool)
+    fast[:, :, :, -1] = True
+    return fast
+
+
+def test_a_hanging_attempt_is_ended_and_another_path_taken(
+    small_mission: Mission, misbehaving: ModuleType, tmp_path: Path
+) -> None:
+    path = tmp_path / "hung.h5"
+    report = database.build(
+        small_mission, path, solver=misbehaving.hangs_in_native_code, time_limit=1.0
+    )
+    assert (report.solved, report.failures) == (9, ())
+    messages = [m.decode() for m in read_dataset(path).message.ravel()]
+    assert any("in 4 step(s): Converged" in m for m in messages)
+
+
+def test_a_case_that_always_hangs_is_a_record_with_its_log(
+    small_mission: Mission, misbehaving: ModuleType, tmp_path: Path
+) -> None:
+    path = tmp_path / "hung.h5"
+    one_axis = small_mission.toml.replace("flight_path_angle_deg = [-0.5, 0.0, 0.5]", "")
+    mission = parse_mission(one_axis)
+    database.build(mission, path, solver=misbehaving.always_hangs, time_limit=1.0)
+    dataset = read_dataset(path)
+    assert [int(s) for s in dataset.status.ravel()] == [0, 0, int(Status.ERROR)]
+    log = dataset.message.ravel()[-1].decode().split("; ")
+    assert log == [
+        *(f"from case 1 in {n} step(s): Stopped at the time limit of 1 s." for n in (1, 4, 16)),
+        "from a constant bank angle: Stopped at the time limit of 1 s.",
+    ]
+
+
+def test_a_case_that_always_kills_its_worker_is_a_record(
+    small_mission: Mission, misbehaving: ModuleType, tmp_path: Path
+) -> None:
+    path = tmp_path / "crashed.h5"
+    report = database.build(small_mission, path, solver=misbehaving.crashes)
+    dataset = read_dataset(path)
+    assert report.solved == 6
+    np.testing.assert_array_equal(dataset.status[fast_cases(dataset)], int(Status.ERROR))
+    for message in dataset.message[fast_cases(dataset)]:
+        assert message.decode() == "Its worker process died 3 times, by SIGSEGV."
+
+
+def test_workers_that_cannot_start_end_the_build(
+    small_mission: Mission, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("database.supervisor._COMMAND", "raise SystemExit(7)")
+    with pytest.raises(BuildError, match=r"died 3 times before its first job, by exit status 7"):
+        database.build(small_mission, tmp_path / "a.h5")
+
+
+def test_a_solver_that_workers_do_not_have_is_named(
+    small_mission: Mission, misbehaving: ModuleType, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    solver = misbehaving.slow
+    monkeypatch.setattr("database.supervisor.sys.path", [p for p in sys.path if p != str(HERE)])
+    with pytest.raises(BuildError, match="a worker cannot read its job: is its solver in a module"):
+        database.build(small_mission, tmp_path / "a.h5", solver=solver)
+
+
+def test_an_idle_worker_that_dies_is_replaced(small_mission: Mission, tmp_path: Path) -> None:
+    supervisor = Supervisor()
+    plan = [p for layer in layers(Grid.from_mission(small_mission)) for p in layer]
+    campaign = Campaign(small_mission.toml, tmp_path, neighbour_moved)
+    for planned in plan[:3]:
+        supervisor.run(SolveCase(campaign, planned))
+        (worker,) = supervisor._idle
+        worker.process.kill()
+        worker.process.wait()
+    supervisor.close()
+    assert len(list(tmp_path.glob("case_*.npz"))) == 3
+
+
+@contextmanager
+def small_disk(folder: Path, options: str) -> Iterator[Path]:
+    """A file system of its own, where the system lets us mount one."""
+    folder.mkdir()
+    mounted = shutil.which("mount") and subprocess.run(
+        ["mount", "-t", "tmpfs", "-o", options, "tmpfs", folder], capture_output=True, check=False
+    )
+    if not mounted or mounted.returncode != 0:
+        pytest.skip("no permission to mount a small file system")
+    try:
+        yield folder
+    finally:
+        subprocess.run(["umount", folder], check=True)
+
+
+@pytest.fixture(scope="module")
+def undisturbed(small_mission: Mission, tmp_path_factory: pytest.TempPathFactory) -> bytes:
+    path = tmp_path_factory.mktemp("undisturbed") / "a.h5"
+    database.build(small_mission, path, n_jobs=1, solver=neighbour_moved)
+    return path.read_bytes()
+
+
+# kB at which the disk is full: with the records, with the file
+@pytest.mark.parametrize("size", [40, 320])
+def test_a_full_disk_is_one_sentence_and_loses_nothing(
+    small_mission: Mission, undisturbed: bytes, tmp_path: Path, size: int
+) -> None:
+    with small_disk(tmp_path / "disk", f"size={size}k") as folder:
+        path = folder / "a.h5"
+        with pytest.raises(
+            BuildError, match=r"No space left on device.*make room and run the same"
+        ):
+            database.build(small_mission, path, n_jobs=1, solver=neighbour_moved)
+        kept = len(list(partial_folder(path).glob("case_*.npz")))
+        assert not path.exists()
+        assert not list(folder.rglob("*.tmp"))
+        subprocess.run(["mount", "-o", "remount,size=8m", folder], check=True)
+        report = database.build(small_mission, path, n_jobs=1, solver=neighbour_moved)
+        assert report.resumed == kept
+        assert path.read_bytes() == undisturbed
+
+
+def test_the_file_too_large_for_its_disk_is_one_sentence(
+    small_mission: Mission, undisturbed: bytes, tmp_path: Path
+) -> None:
+    """Without the permission to mount: a limit on the size of files, met by the file alone."""
+    path = tmp_path / "a.h5"
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (120_000, before[1]))
+    try:
+        with pytest.raises(BuildError, match=r"File too large; 9 finished cases are kept"):
+            database.build(small_mission, path, n_jobs=1, solver=neighbour_moved)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+    assert not list(tmp_path.glob("*.tmp"))
+    assert database.build(small_mission, path, n_jobs=1, solver=neighbour_moved).resumed == 9
+    assert path.read_bytes() == undisturbed
+
+
+def test_a_read_only_folder_is_one_sentence(small_mission: Mission, tmp_path: Path) -> None:
+    words = r"(Read-only file system|Permission denied); choose a folder that can be written"
+    if os.geteuid() != 0:  # permissions do not bind root
+        tmp_path.chmod(0o555)
+        with pytest.raises(BuildError, match=words):
+            database.build(small_mission, tmp_path / "a.h5")
+        tmp_path.chmod(0o755)
+        return
+    with (
+        small_disk(tmp_path / "disk", "ro") as folder,
+        pytest.raises(BuildError, match=words),
+    ):
+        database.build(small_mission, folder / "a.h5")
+
+
+def test_a_second_build_of_the_same_file_names_the_first(
+    small_mission: Mission, misbehaving: ModuleType, tmp_path: Path
+) -> None:
+    text, path = tmp_path / "small.toml", tmp_path / "a.h5"
+    text.write_text(small_mission.toml)
+    first = subprocess.Popen(
+        [sys.executable, "-c", "from misbehaving import main; main()", text, path, "slow"],
+        env={**os.environ, "PYTHONPATH": os.pathsep.join([str(HERE), *sys.path])},
+    )
+    while not (partial_folder(path) / "build.json").exists():
+        time.sleep(0.01)
+    with pytest.raises(BuildError, match=rf"being built by process {first.pid} on .*wait for it"):
+        database.build(small_mission, path)
+    assert first.wait() == 0
+    assert read_dataset(path).solved.all()
+
+
+def test_the_lock_of_a_dead_process_locks_nothing(small_mission: Mission, tmp_path: Path) -> None:
+    path = tmp_path / "a.h5"
+    partial_folder(path).mkdir()
+    (partial_folder(path) / "lock").write_text("process 1 on nowhere\n")
+    assert database.build(small_mission, path, n_jobs=1, solver=neighbour_moved).solved == 9
+    with pytest.raises(FileNotFoundError), (partial_folder(path) / "lock").open() as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+
+
+def interrupted(mission: Mission, path: Path) -> None:
+    """A build that ends after its first case."""
+    with pytest.raises(ZeroDivisionError):
+        database.build(
+            mission,
+            path,
+            n_jobs=1,
+            solver=neighbour_moved,
+            advance=lambda count: 1 // 0 if count else None,
+        )
+
+
+def test_a_fresh_start_forgets_what_was_kept(small_mission: Mission, tmp_path: Path) -> None:
+    path = tmp_path / "a.h5"
+    with pytest.raises(ZeroDivisionError):
+        database.build(
+            small_mission,
+            path,
+            n_jobs=1,
+            solver=neighbour_moved,
+            advance=lambda n: 1 // 0 if n else None,
+        )
+    with pytest.raises(BuildError, match=r"another build \(different solver\)"):
+        database.build(small_mission, path)
+    report = database.build(small_mission, path, n_jobs=1, solver=neighbour_moved, resume=False)
+    assert (report.resumed, report.solved) == (0, 9)
+
+
+def test_records_of_unknown_origin_are_not_used(small_mission: Mission, tmp_path: Path) -> None:
+    path = tmp_path / "a.h5"
+    with pytest.raises(ZeroDivisionError):
+        database.build(
+            small_mission,
+            path,
+            n_jobs=1,
+            solver=neighbour_moved,
+            advance=lambda n: 1 // 0 if n else None,
+        )
+    assert load_record(partial_folder(path), 4, small_mission) is not None
+    (partial_folder(path) / "build.json").unlink()
+    assert database.build(small_mission, path, n_jobs=1, solver=neighbour_moved).resumed == 0
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"n_jobs": 0}, "n_jobs: expected at least 1 worker process, got 0"),
+        ({"time_limit": 0.0}, r"time_limit: expected a positive number of seconds, got 0\.0"),
+        ({"time_limit": float("nan")}, "time_limit: expected a positive number"),
+        ({"solver": lambda mission, guess=None: None}, "solver: expected a function that workers"),
+    ],
+)
+def test_misuse_is_named(
+    small_mission: Mission, tmp_path: Path, options: dict[str, Any], message: str
+) -> None:
+    with pytest.raises(BuildError, match=message):
+        database.build(small_mission, tmp_path / "a.h5", **options)

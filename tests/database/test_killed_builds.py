@@ -1,0 +1,107 @@
+"""Fifty kills at random moments leave the same bytes as a build that nobody disturbs."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import database
+from ampi.dataset import partial_folder
+from ampi.missions.mission import Mission, parse_mission
+
+HERE = Path(__file__).parent
+THIRD_AXIS = "azimuth_deg = [-0.5, 0.0, 0.5]\n"
+
+
+class Driver:
+    """A process that builds, and its workers."""
+
+    def __init__(self, mission: Path, path: Path, solver: tuple[str, ...]) -> None:
+        self.process = subprocess.Popen(
+            [sys.executable, "-c", "from misbehaving import main; main()", mission, path, *solver],
+            env={**os.environ, "PYTHONPATH": os.pathsep.join([str(HERE), *sys.path])},
+            stderr=subprocess.PIPE,
+        )
+
+    def workers(self) -> list[int]:
+        threads = Path(f"/proc/{self.process.pid}/task").glob("*/children")
+        return [int(pid) for children in threads for pid in children.read_text().split()]
+
+    def end(self) -> int:
+        _, told = self.process.communicate()
+        if self.process.returncode not in (0, -signal.SIGKILL):
+            assert b"run the same build again" in told, told.decode()
+        return self.process.returncode
+
+
+def kill_at_random(
+    mission: Path, path: Path, solver: tuple[str, ...], kills: int, seed: int, expected: bytes
+) -> tuple[int, int]:
+    """Kill workers and drivers `kills` times; every file that is finished meanwhile is `expected`."""
+    rng = np.random.default_rng(seed)
+    killed = {"worker": 0, "driver": 0}
+    while sum(killed.values()) < kills:
+        driver = Driver(mission, path, solver)
+        while driver.process.poll() is None and sum(killed.values()) < kills:
+            time.sleep(rng.uniform(0.0, 0.4))
+            if driver.process.poll() is not None:
+                break
+            workers = driver.workers()
+            if workers and rng.random() < 0.7:
+                try:
+                    os.kill(int(rng.choice(workers)), signal.SIGKILL)
+                except ProcessLookupError:
+                    continue
+                killed["worker"] += 1
+            elif workers or rng.random() < 0.2:  # seldom before it has begun to work
+                driver.process.kill()
+                killed["driver"] += 1
+        driver.end()
+        if path.exists():
+            assert path.read_bytes() == expected
+            path.unlink()
+    while Driver(mission, path, solver).end() != 0:
+        continue
+    return killed["worker"], killed["driver"]
+
+
+@pytest.mark.skipif(not Path("/proc/self/task").is_dir(), reason="finds the workers in /proc")
+def test_kills_leave_no_trace_with_a_stand_in_for_the_optimiser(
+    small_mission: Mission,
+    small_database: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.syspath_prepend(HERE)
+    monkeypatch.setenv("AMPI_TEST_DATABASE", str(small_database))
+    import misbehaving
+
+    text = tmp_path / "larger.toml"
+    text.write_text(small_mission.toml + THIRD_AXIS)
+    undisturbed, path = tmp_path / "undisturbed.h5", tmp_path / "killed.h5"
+    database.build(parse_mission(text.read_text()), undisturbed, solver=misbehaving.slow)
+    workers, drivers = kill_at_random(text, path, ("slow",), 44, 1, undisturbed.read_bytes())
+    assert workers > 10
+    assert drivers > 10
+    assert path.read_bytes() == undisturbed.read_bytes()
+    assert not partial_folder(path).exists()
+    assert sorted(f.name for f in tmp_path.glob("killed*")) == ["killed.h5"]
+
+
+@pytest.mark.skipif(not Path("/proc/self/task").is_dir(), reason="finds the workers in /proc")
+def test_kills_leave_no_trace_with_the_optimiser(
+    small_mission: Mission, small_database: Path, tmp_path: Path
+) -> None:
+    text = tmp_path / "small.toml"
+    text.write_text(small_mission.toml)
+    path = tmp_path / "killed.h5"
+    kill_at_random(text, path, (), 6, 2, small_database.read_bytes())
+    assert path.read_bytes() == small_database.read_bytes()
+    assert not partial_folder(path).exists()

@@ -1,0 +1,105 @@
+"""Laws of the order of work, of the blocks, and of the file they are written to."""
+
+from __future__ import annotations
+
+import errno
+import resource
+import threading
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from ampi.file_sink import FileSink
+from database.blocks import BLOCK_CASES, blocks
+from database.jobs import Job
+from database.schedule import run_jobs
+
+shapes = st.lists(st.integers(1, 5), min_size=1, max_size=6).map(tuple)
+
+
+@settings(deadline=None, max_examples=40)
+@given(shapes)
+def test_blocks_hold_every_case_once_and_few_each(shape: tuple[int, ...]) -> None:
+    seen = np.zeros(shape, dtype=int)
+    flat = []
+    for number, block in enumerate(blocks(shape)):
+        assert block.number == number
+        assert 0 < np.prod(block.shape) <= BLOCK_CASES
+        seen[block.slices] += 1
+        cases = block.cases(shape)
+        np.testing.assert_array_equal(
+            cases, np.arange(seen.size).reshape(shape)[block.slices].ravel()
+        )
+        flat += cases
+    assert np.all(seen == 1)
+    assert len(flat) == seen.size
+
+
+def test_a_long_axis_is_cut() -> None:
+    assert [b.shape for b in blocks((300,))] == [(128,), (128,), (44,)]
+    assert {b.shape for b in blocks((3,) * 6)} == {(1, 1, 3, 3, 3, 3)}
+
+
+@dataclass
+class ShuffledEngine:
+    """Finishes what is under way in an order of its own, from another thread."""
+
+    seed: int
+    room: int = 5
+    log: list[str] = field(default_factory=list)
+    open: list[tuple[Job, Callable[[BaseException | None], None]]] = field(default_factory=list)
+
+    def submit(self, job: Job, tell: Callable[[BaseException | None], None]) -> None:
+        assert len(self.open) < self.room
+        self.open.append((job, tell))
+        threading.Timer(0.001, self._finish_one).start()
+
+    def _finish_one(self) -> None:
+        rng = np.random.default_rng([self.seed, len(self.log)])
+        job, tell = self.open.pop(int(rng.integers(len(self.open))))
+        self.log.append(str(job))
+        tell(RuntimeError("boom") if job == "bad" else None)  # type: ignore[comparison-overlap]
+
+    def close(self) -> None:
+        """Nothing to end."""
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_no_job_runs_before_what_it_needs(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    names = [f"job {i}" for i in range(40)]
+    needs = {n: [names[j] for j in rng.integers(0, i, 3)] if i else [] for i, n in enumerate(names)}
+    engine, finished = ShuffledEngine(seed), list[str]()
+    run_jobs({n: n for n in names}, needs, engine, finished.append)  # type: ignore[misc]
+    assert sorted(finished) == sorted(engine.log) == sorted(names)
+    for name in names:
+        for needed in needs[name]:
+            assert engine.log.index(needed) < engine.log.index(name)
+
+
+def test_what_a_job_raises_ends_the_run() -> None:
+    with pytest.raises(RuntimeError, match="boom"):
+        run_jobs({"bad": "bad"}, {"bad": ["met already"]}, ShuffledEngine(0), print)  # type: ignore[dict-item]
+
+
+def test_a_sink_takes_everything_and_tells_later(tmp_path: Path) -> None:
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    with FileSink(tmp_path / "a", "w+") as sink:
+        assert sink.write(b"x" * 100) == 100
+        sink.check()
+        resource.setrlimit(resource.RLIMIT_FSIZE, (1000, before[1]))
+        try:
+            assert sink.write(b"x" * 2000) == 2000
+            assert sink.truncate(5000) == 5000
+            assert sink.write(b"x") == 1
+        finally:
+            resource.setrlimit(resource.RLIMIT_FSIZE, before)
+        with pytest.raises(OSError, match="File too large") as told:
+            sink.check()
+    assert told.value.errno == errno.EFBIG
+    assert (tmp_path / "a").stat().st_size <= 1000
