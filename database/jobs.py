@@ -29,6 +29,7 @@ from database.blocks import Block, assemble
 from database.continuation import PlannedCase
 from database.gains import GainSettings
 from database.grid import Grid
+from database.prediction import predicted
 from database.records import (
     CaseRecord,
     block_path,
@@ -90,21 +91,25 @@ def _mission_and_grid(toml: str) -> tuple[Mission, Grid]:
 
 @dataclass(frozen=True)
 class Attempt:
-    """One way to a case: from a solved neighbour in `steps` steps of p, or from nothing."""
+    """One way to a case: predicted, from a solved neighbour in `steps` steps of p, or from nothing."""
 
     neighbour: int | None
     steps: int = 1
+    predicted: bool = False  # from the multilinear continuation of several neighbours
 
     def __str__(self) -> str:
+        if self.predicted:
+            return "from the continuation of its neighbours"
         if self.neighbour is None:
             return "from a constant bank angle"
         return f"from case {self.neighbour} in {self.steps} step(s)"
 
 
-def attempts(neighbours: Sequence[int]) -> list[Attempt]:
-    """All attempts at a case with these solved neighbours, in order."""
+def attempts(neighbours: Sequence[int], *, predicted: bool) -> list[Attempt]:
+    """All attempts at a case with these solved neighbours, in order; `predicted` if it can be."""
+    first = [Attempt(None, predicted=True)] if predicted else []
     from_neighbours = [Attempt(n, steps) for steps in (1, *PATH_STEPS) for n in neighbours]
-    return [*from_neighbours, Attempt(None)]
+    return [*first, *from_neighbours, Attempt(None)]
 
 
 class Job(Protocol):
@@ -141,16 +146,18 @@ class SolveCase:
         """Attempt after attempt, until one succeeds."""
         began = time.perf_counter()
         mission, grid = self.campaign.mission, self.campaign.grid
-        starts = self._starts()
+        starts, continued = self._starts(), self._predicted()
         log, solves = list[str](), 0
         best: Trajectory | None = None
-        for number, attempt in enumerate(attempts(list(starts))):
+        for number, attempt in enumerate(attempts(list(starts), predicted=continued is not None)):
             if number in self.overdue:
                 limit = self.campaign.time_limit
                 log.append(f"{attempt}: Stopped at the time limit of {limit:g} s.")
                 continue
             announce(number)
-            start = None if attempt.neighbour is None else starts[attempt.neighbour]
+            start = continued if attempt.predicted else None
+            if attempt.neighbour is not None:
+                start = starts[attempt.neighbour]
             path = path_to(mission, grid, self.planned.case, attempt)
             try:
                 flown, count = follow(self.campaign, path, start)
@@ -180,12 +187,30 @@ class SolveCase:
 
     def _starts(self) -> dict[int, Trajectory]:
         """The solved neighbours, best first."""
-        found = {}
-        for neighbour in self.planned.neighbours:
-            record = load_record(self.campaign.folder, neighbour, self.campaign.mission)
-            if record is not None and record.trajectory.status.ok:
-                found[neighbour] = record.trajectory
-        return found
+        found = {n: self._solved(n) for n in self.planned.neighbours}
+        return {n: trajectory for n, trajectory in found.items() if trajectory is not None}
+
+    def _predicted(self) -> Trajectory | None:
+        return predicted(self.campaign.grid, self.planned.case, self._solved)
+
+    def _solved(self, case: int) -> Trajectory | None:
+        return _solved_record(self.campaign.folder, case, self.campaign)
+
+
+@lru_cache(maxsize=4096)  # a record never changes once it is kept; 10 kB each
+def _kept_trajectory(path: Path, stamp: int, campaign: Campaign, case: int) -> Trajectory | None:
+    record = load_record(campaign.folder, case, campaign.mission)
+    return None if record is None or not record.trajectory.status.ok else record.trajectory
+
+
+def _solved_record(folder: Path, case: int, campaign: Campaign) -> Trajectory | None:
+    """The solution of a case that is kept, read once per process; None if there is none."""
+    path = record_path(folder, case)
+    try:
+        stamp = path.stat().st_mtime_ns
+    except OSError:
+        return None
+    return _kept_trajectory(path, stamp, campaign, case)
 
 
 @dataclass(frozen=True)

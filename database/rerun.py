@@ -85,7 +85,7 @@ def rerun(
         raise ValueError(f"case: expected a number from 0 to {grid.size - 1}, got {case}")
     starts = _solved_neighbours(grid, case, stored)
     results: list[AttemptResult] = []
-    for attempt in attempts(list(starts)):
+    for attempt in attempts(list(starts), predicted=False):
         start = None if attempt.neighbour is None else starts[attempt.neighbour]
         try:
             flown, solves = follow(campaign, path_to(mission, grid, case, attempt), start)
@@ -102,7 +102,7 @@ def rerun(
     return Rerun(
         case=case,
         where=grid.describe(case),
-        mission=path_to(mission, grid, case, attempts([])[0])[-1],
+        mission=path_to(mission, grid, case, attempts([], predicted=False)[0])[-1],
         stored="nothing yet" if known is None else known[1],
         attempts=tuple(results),
         trajectory=no_trajectory(mission.pseudospectral_mesh) if last is None else last,

@@ -239,6 +239,27 @@ def _interpolation(checks: dict[str, Any]) -> list[str]:
     return lines
 
 
+def _against_ipopt(grid: dict[str, Any]) -> list[str]:
+    ours, theirs = grid["ours"], grid["ipopt"]
+    return [
+        f"All {grid['cases']} problems of the grid, solved by this method and by CasADi + IPOPT "
+        f"({theirs['barrier']} barrier, primal-dual warm starts), same nodes, order and processes:",
+        "",
+        "| | whole grid | one problem, median | iterations, median | solved |",
+        "|---|---|---|---|---|",
+        *(
+            f"| {name} | {r['seconds']:.1f} s | {1e3 * r['median_solve_seconds']:.1f} ms | "
+            f"{r['median_iterations']:.0f} | {r['solved']} |"
+            for name, r in (("this method", ours), ("IPOPT", theirs))
+        ),
+        "",
+        f"IPOPT takes {grid['ratio']:.1f} times as long; costs agree to "
+        f"{grid['greatest_cost_difference']:.0e} (relative, greatest of all). Where our time goes: "
+        + ", ".join(f"{name} {100 * share:.0f} %" for name, share in grid["phases"].items())
+        + ".",
+    ]
+
+
 def _flights(flights: dict[str, Any]) -> list[str]:
     lines = [
         "Closed loop, 1000 flights with the dispersions of Eq. (34), the same draws for all:",

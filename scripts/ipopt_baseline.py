@@ -8,9 +8,13 @@ strategies are tried on a sample and the faster one builds the grid.
 
 from __future__ import annotations
 
+import cProfile
+import pstats
+import tempfile
 import time
 from dataclasses import dataclass
 from functools import lru_cache
+from pathlib import Path
 from typing import Any
 
 import casadi as ca
@@ -25,7 +29,11 @@ from ampi.physics.path_constraints import path_constraints
 from ampi.pseudospectral.lagrange import barycentric_weights, interpolation_matrix
 from ampi.trajectory import Trajectory
 from database.continuation import layers
+from database.engines import LocalEngine
 from database.grid import Grid
+from database.jobs import Campaign, SolveCase
+from database.records import load_record
+from database.schedule import run_jobs
 
 Array = NDArray[np.float64]
 
@@ -173,6 +181,80 @@ def _program(toml: str, barrier: str) -> Program:
 
 def _solve(toml: str, barrier: str, entry_state: Array, start: Point) -> Point:
     return _program(toml, barrier).solve(entry_state, start)
+
+
+def compare(mission: Mission, n_jobs: int) -> dict[str, Any]:
+    """Both builds, one after the other, in this run."""
+    mine, theirs = ours(mission, n_jobs), build(mission, n_jobs)
+    a, b = np.array(mine.pop("costs")), np.array(theirs.pop("costs"))
+    return {
+        "cases": len(a),
+        "ours": mine,
+        "ipopt": theirs,
+        "ratio": theirs["seconds"] / mine["seconds"],
+        "greatest_cost_difference": float(np.max(np.abs(a / b - 1.0))),
+        "phases": phases(mission),
+    }
+
+
+def ours(mission: Mission, n_jobs: int) -> dict[str, Any]:
+    """Solve the whole grid as the build does, without gains, re-integration and the file."""
+    grid = Grid.from_mission(mission)
+    plan = [planned for layer in layers(grid) for planned in layer]
+    with tempfile.TemporaryDirectory() as folder:
+        campaign = Campaign(mission.toml, Path(folder))
+        jobs = {str(p.case): SolveCase(campaign, p) for p in plan}
+        needs = {str(p.case): [str(n) for n in p.neighbours] for p in plan}
+        engine = LocalEngine(n_jobs)
+        began = time.perf_counter()
+        run_jobs(jobs, needs, engine, lambda name: None)
+        seconds = time.perf_counter() - began
+        engine.close()
+        found = [load_record(campaign.folder, case, mission) for case in range(grid.size)]
+    records = [r for r in found if r is not None]
+    return {
+        "seconds": seconds,
+        "solved": sum(r.trajectory.status.ok for r in records),
+        "median_iterations": float(
+            np.median([r.trajectory.statistics.iterations for r in records])
+        ),
+        "median_solve_seconds": float(np.median([r.seconds for r in records])),
+        "costs": [r.trajectory.cost for r in records],
+    }
+
+
+PHASES = {
+    "derivatives": "derivatives.py",
+    "condensing": "condensing.py",
+    "convex step": "active_set.py",
+    "convexification": "convexify.py",
+    "records": "records.py",
+}
+
+
+def phases(mission: Mission, cases: int = 120) -> dict[str, float]:
+    """Share of each phase in the time of solving cases, by cProfile, in this process."""
+    grid = Grid.from_mission(mission)
+    plan = [planned for layer in layers(grid) for planned in layer][:cases]
+    profile = cProfile.Profile()
+    with tempfile.TemporaryDirectory() as folder:
+        campaign = Campaign(mission.toml, Path(folder))
+        SolveCase(campaign, plan[0]).run(lambda attempt: None)
+        profile.enable()
+        for planned in plan[1:]:
+            SolveCase(campaign, planned).run(lambda attempt: None)
+        profile.disable()
+    stats = pstats.Stats(profile)
+    inside: dict[str, float] = dict.fromkeys(PHASES, 0.0)
+    # time within a module's functions and what they call, counted where another module enters it
+    for (file, _, _), (*_, callers) in stats.stats.items():  # type: ignore[attr-defined]
+        phase = next((p for p, name in PHASES.items() if file.endswith(f"/{name}")), None)
+        for (caller, _, _), (_, _, _, spent) in callers.items():
+            if phase is not None and caller != file:
+                inside[phase] += spent
+    total = stats.total_tt  # type: ignore[attr-defined]
+    shares = {phase: spent / total for phase, spent in inside.items()}
+    return {**shares, "the rest": 1.0 - sum(shares.values())}
 
 
 def build(mission: Mission, n_jobs: int, sample: int = 12) -> dict[str, Any]:

@@ -25,7 +25,7 @@ class ConvergenceSettings:
     The iteration is Newton's there, so the error left behind is about the square of it.
     """
 
-    step: float = 1e-4
+    step: float = 3e-4
     limit_excess: float = 1e-4  # relative excess of a path limit at the nodes
     horizontal_miss: float = 1e3 / 6.378137e6  # rad: beyond, the target counts as missed
 

@@ -95,20 +95,23 @@ class Flight:
                     condensed = self.linearise(iterate).condensed
                 except FloatingPointError:
                     return None
-            iterate, converged = self._chord(iterate, condensed)
-            if converged:
-                return self.evaluate(iterate)
+            iterate, functions = self._chord(iterate, condensed)
+            if functions is not None:
+                return self._point(iterate, functions)
             if not np.all(np.isfinite(iterate.states)):
                 return None
             condensed = None
         return None
 
-    def _chord(self, iterate: Iterate, condensed: CondensedDynamics) -> tuple[Iterate, bool]:
+    def _chord(
+        self, iterate: Iterate, condensed: CondensedDynamics
+    ) -> tuple[Iterate, Array | None]:
+        """The last iterate; (g, L) there, as of before its last, negligible change, if it converged."""
         t, final_time = self.transcription, iterate.final_time
         rate, times = t.nodal_rate(iterate.bank_rate), t.times(final_time)
         x, before = iterate.states, np.inf
         for _ in range(self.restoration.corrections):
-            rates, _ = self.dynamics.values(x, rate, times)
+            rates, functions = self.dynamics.values(x, rate, times)
             entry_error = np.append(self.problem.entry - x[0, :BANK], 0.0)
             change = condensed.correction(t.residual(x, rates, final_time), entry_error)
             size = float(np.abs(change).max())
@@ -116,15 +119,19 @@ class Flight:
                 break
             x, before = x + change, size
             if size < self.restoration.tolerance:
-                return Iterate(x, iterate.bank_rate, final_time), True
-        return Iterate(x, iterate.bank_rate, final_time), False
+                return Iterate(x, iterate.bank_rate, final_time), functions
+        return Iterate(x, iterate.bank_rate, final_time), None
 
     def evaluate(self, iterate: Iterate) -> Point:
         """Path constraints, cost and target error."""
-        t, problem = self.transcription, self.problem
+        t = self.transcription
         _, functions = self.dynamics.values(
             iterate.states, t.nodal_rate(iterate.bank_rate), t.times(iterate.final_time)
         )
+        return self._point(iterate, functions)
+
+    def _point(self, iterate: Iterate, functions: Array) -> Point:
+        t, problem = self.transcription, self.problem
         path = functions[:, : problem.n_limits].copy()
         return Point(
             iterate=iterate,
