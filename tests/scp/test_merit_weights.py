@@ -66,3 +66,14 @@ def test_growth_is_not_taken_back(weights: MeritWeights) -> None:
     before = weights.penalty
     assert weights.grow(np.zeros(2), np.array([0.0, 1e-3]))
     assert weights.penalty == 10.0 * before
+
+
+def test_a_limit_that_reaches_a_relieved_penalty_gets_the_first_one_back(
+    weights: MeritWeights,
+) -> None:
+    settle(weights, LOW)
+    assert weights.penalty < 1000.0
+    weights.accept(LOW, LOW, np.array([[0.5 * weights.penalty], [0.5 * weights.penalty]]))
+    assert weights.penalty == 1000.0
+    settle(weights, LOW)
+    assert weights.penalty == 1000.0
