@@ -2,7 +2,8 @@
 
     start     ν from elastic_target, Eq. (3); ρ far above an ordinary mission's multipliers
     relieve   while nothing is bought off, ν_i ≤ max(r |λ_i|, least · ν_i at the start), and ρ likewise
-    restore   a row that is bought off at a relieved price gets its first one back, for good
+    restore   a row that is bought off at a relieved price gets its first one back, for good; so does ρ
+              where the multipliers of a limit reach it
     grow      at convergence: what is still open costs more, a few times
 
 The start must not fail, so it is dear; but along curved constraints a merit with weights far above the
@@ -18,7 +19,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from ampi.scp.elastic_target import ElasticSettings, is_elastic, reference_price
+from ampi.scp.elastic_target import BOUND, ElasticSettings, is_elastic, reference_price
 from ampi.scp.penalty import PenaltySettings
 from ampi.scp.problem import Target
 
@@ -51,7 +52,7 @@ class MeritWeights:
         self.price = np.zeros(len(self.target))
         self._settled = 0
         self._first, self._least = self.price, self.price
-        self._least_penalty = 0.0
+        self._first_penalty = self._least_penalty = 0.0
 
     def start(
         self, terminal_map: Array, curvature: Array, reference_cost: float, known: Array
@@ -63,6 +64,7 @@ class MeritWeights:
         self.price = np.maximum(share * reference, settings.price * np.abs(known))
         self.penalty = self.limits.initial * reference_cost
         self._first, self._least = self.price, self.relief.least * self.price
+        self._first_penalty = self.penalty
         self._least_penalty = self.relief.least * self.penalty
 
     def bought_off(self, multiplier: Array) -> NDArray[np.bool_]:
@@ -77,6 +79,8 @@ class MeritWeights:
 
     def accept(self, before: Array, multiplier: Array, limits: Array) -> None:
         """After an accepted step: multipliers of the target (t,) before and now, of limits (n, m)."""
+        if self._pressed(limits) and self.penalty < self._first_penalty:
+            self.penalty = self._least_penalty = self._first_penalty
         elastic = self.bought_off(multiplier)
         same = np.array_equal(self.bought_off(before), elastic)
         self._settled = self._settled + 1 if same else 0
@@ -89,12 +93,16 @@ class MeritWeights:
 
     def relieve(self, multiplier: Array, limits: Array) -> None:
         """Bring ν and ρ down to a multiple of known multipliers, where nothing is bought off."""
-        if self.bought_off(multiplier).any():
+        if self.bought_off(multiplier).any() or self._pressed(limits):
             return
         r = self.relief.multiple
         self.price = np.minimum(self.price, np.maximum(r * np.abs(multiplier), self._least))
         used = r * float(limits.sum(axis=0).max())
         self.penalty = min(self.penalty, max(used, self._least_penalty))
+
+    def _pressed(self, limits: Array) -> bool:
+        """Whether a limit's multipliers (n, m) are at the penalty: its slack is open."""
+        return float(limits.sum(axis=0).max()) > BOUND * self.penalty
 
     def grow(self, multiplier: Array, excess: Array) -> bool:
         """At convergence: raise what is still open; False when nothing is, or may be raised."""
@@ -108,6 +116,6 @@ class MeritWeights:
             self.price_growths += 1
         if raise_penalty:
             self.penalty *= self.limits.growth
-            self._least_penalty = self.penalty
+            self._first_penalty = self._least_penalty = max(self._first_penalty, self.penalty)
             self.penalty_growths += 1
         return raise_price or raise_penalty

@@ -4,8 +4,9 @@
 
 ρ must exceed the sum of the limits' multipliers. It starts far above those of an ordinary mission
 and, where an excess stays open at convergence, grows tenfold, several times: a limit a hair above
-what is feasible has multipliers of any size. It never shrinks. Stopping as soon as a growth leaves
-the excess almost unmoved was tried, and gives up feasible limits: the excess falls late.
+what is feasible has multipliers of any size. It comes down only where the multipliers are known
+(merit_weights). Stopping as soon as a growth leaves the excess almost unmoved was tried, and gives up
+feasible limits: the excess falls late.
 """
 
 from __future__ import annotations

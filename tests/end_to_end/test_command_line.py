@@ -104,7 +104,7 @@ def test_fly_and_report(folder: Path) -> None:
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (("solve", "shefex4"), "expected one of shefex3"),
+        (("solve", "shefex4"), "shefex3, x33_liu2015 or the path of a .toml file, got 'shefex4'"),
         (("build", "shefex3", "absent/a.h5"), "the folder absent does not exist"),
         (("audit", "absent.h5"), "absent.h5: no such file; make one with: ampi build"),
         (("guide", "small.h5", "--speed", "nan"), "expected a finite speed, got nan"),

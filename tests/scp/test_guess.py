@@ -9,10 +9,10 @@ import pytest
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
-from ampi.missions import Mission
+from ampi.missions import Mission, load_mission
 from ampi.missions.mission import GuessSection, MeshSection, PhaseSection
 from ampi.physics.equations_of_motion import equations_of_motion
-from ampi.physics.planet import great_circle_distance
+from ampi.physics.planet import bearing, great_circle_distance
 from ampi.scp.guess import (
     ConstantBank,
     best_constant_bank,
@@ -153,3 +153,22 @@ def test_a_failed_trajectory_is_a_guess_that_cannot_be_flown(
     )
     again = solve(mission, guess=nothing)
     assert again.status is Status.GUESS_FAILED
+
+
+def test_reversals_keep_the_azimuth_in_its_corridor() -> None:
+    # No constant bank angle ends within 4,000 km of this target; the reversals end beside it.
+    mission = load_mission("cavh_liu2015")
+    corridor = np.radians(20.0)
+    guess = constant_bank_guess(mission, ConstantBank(np.radians(-64.0), corridor))
+    assert guess is not None
+    _, longitude, latitude, speed, _, azimuth, bank = guess.states.T
+    assert speed[-1] == pytest.approx(mission.target.speed, rel=1e-6)
+    target = (mission.target.longitude, mission.target.latitude)
+    miss = great_circle_distance(longitude[-1], latitude[-1], *target, 6.378e6)
+    assert miss < 200e3
+    far = great_circle_distance(longitude, latitude, *target, 6.378e6) > 2000e3
+    off = azimuth - bearing(longitude, latitude, *target)
+    inside = np.abs((off + np.pi) % (2.0 * np.pi) - np.pi)[far]
+    assert inside.max() < 2.0 * corridor  # the turn goes on while the vehicle rolls
+    assert np.count_nonzero(np.diff(np.sign(bank))) >= 2
+    assert np.abs(bank).max() <= np.radians(64.0) * (1.0 + 1e-9)

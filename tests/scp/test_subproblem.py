@@ -283,7 +283,9 @@ def test_both_forms_and_another_solver_agree_on_random_subproblems(
     rough = 1e-6 if solver == "CLARABEL" else 2e-2  # OSQP is a first-order method
     assert objective(convex, other.z) == pytest.approx(best, rel=rough, abs=rough)
     if solver == "CLARABEL":
-        agree(direct, other, convex)
+        assert np.abs(direct.z - other.z).max() < 1e-4
+        kappa = direct.absolute_multiplier - other.absolute_multiplier
+        assert np.abs(kappa).max() < 1e-2
         assert np.all(np.abs(direct.absolute_multiplier) <= convex.absolute_weight * (1.0 + 1e-6))
 
 
