@@ -211,7 +211,7 @@ class ExactHessianIteration:
         self, point: Point, met: NDArray[np.bool_] | None
     ) -> tuple[CondensedDynamics, ConvexSubproblem]:
         """Linearise and condense at `point`, and build the quadratic model."""
-        linearised = self.flight.linearise(point.iterate)
+        linearised = point.linearised or self.flight.linearise(point.iterate)
         convex = quadratic_subproblem(
             self.flight,
             point,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,6 +26,17 @@ class RestorationSettings:
     tolerance: float = 1e-9  # scaled state change
     corrections: int = 8  # per factorisation
     factorisations: int = 4
+    near: float = (
+        1e-3  # a guess that moves less (scaled) when restored is linearised once, not twice
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class Linearised:
+    """Derivatives at a point and the condensed dynamics."""
+
+    derivatives: NodeDerivatives
+    condensed: CondensedDynamics
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,6 +48,7 @@ class Point:
     cost: Cost
     target_error: Array  # e of the target's rows
     excess: Array  # (m,), of the limits
+    linearised: Linearised | None = None  # made at a guess that is this point but for a trifle
 
     def merit(self, target: Target, price: Array, penalty: float) -> float:
         """Penalty, Eq. (1)."""
@@ -45,14 +57,6 @@ class Point:
             + elastic_cost(self.target_error, target, price)
             + penalty * float(self.excess.sum())
         )
-
-
-@dataclass(frozen=True, eq=False)
-class Linearised:
-    """Derivatives at a point and the condensed dynamics."""
-
-    derivatives: NodeDerivatives
-    condensed: CondensedDynamics
 
 
 @dataclass(frozen=True, eq=False)
@@ -145,4 +149,13 @@ class Flight:
         """The guess in scaled units, moved to this problem's entry state and restored to flight."""
         states = guess.states / np.array(self.problem.scaling.states)
         rate = np.clip(guess.bank_rate[1:] / self.problem.bank_rate_limit, -1.0, 1.0)
-        return self.restore(Iterate(states, rate, guess.final_time), None)
+        iterate = Iterate(states, rate, guess.final_time)
+        try:
+            linearised = self.linearise(iterate)
+        except FloatingPointError:
+            return None
+        point = self.restore(iterate, linearised.condensed)
+        if point is None:
+            return None
+        moved = float(np.abs(point.iterate.states - states).max())
+        return replace(point, linearised=linearised if moved < self.restoration.near else None)
