@@ -6,9 +6,9 @@
     block_000003.npz   a run of cases in index order, with gains and re-integration, ready to merge
     lock               held by the process that builds
 
-Every file is written under another name, flushed to disk, renamed, and the folder is flushed too: a
-process that dies at any moment leaves whole files only, and the next one continues from them. A result
-is a function of the mission alone, so writing one twice does no harm.
+Every file is written under another name, flushed to disk and renamed: a process that dies at any moment
+leaves whole files only, and the next one continues from them. A result is a function of the mission
+alone, so writing one twice does no harm.
 """
 
 from __future__ import annotations
@@ -42,7 +42,11 @@ class CaseRecord:
 
 
 def keep(target: Path, write: Callable[[IO[bytes]], None]) -> None:
-    """Write, flush, rename, flush the folder: `target` is whole or absent, and stays."""
+    """Write, flush, rename: `target` is whole or absent.
+
+    The folder is not flushed: a loss of power may take back the last renames, and those results are
+    worked out again. Flushing it would cost as much as flushing the file, for every case.
+    """
     temporary = target.with_name(f"{target.name}.{os.getpid()}.tmp")
     try:
         with temporary.open("wb") as file:
@@ -53,16 +57,6 @@ def keep(target: Path, write: Callable[[IO[bytes]], None]) -> None:
     except OSError:
         temporary.unlink(missing_ok=True)  # a full disk needs the room
         raise
-    flush_folder(target.parent)
-
-
-def flush_folder(folder: Path) -> None:
-    """Make renames in `folder` survive a loss of power."""
-    descriptor = os.open(folder, os.O_RDONLY)
-    try:
-        os.fsync(descriptor)
-    finally:
-        os.close(descriptor)
 
 
 def record_path(folder: Path, case: int) -> Path:

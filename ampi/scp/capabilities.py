@@ -71,7 +71,9 @@ OVER_TIME = Capabilities(  # the literature's methods over time
 )
 OVER_ENERGY = Capabilities(
     constraints=OVER_TIME.constraints | {"bank_angle_minimum"},
-    terms=frozenset({"flight_time", "heat_load", "ground_range"}),
+    # the bank-rate effort makes an optimum over time unique; over energy there is no bank rate, and
+    # Liu 2015, Eq. (38) regularises by the heading instead
+    terms=frozenset({"flight_time", "heat_load", "ground_range", "bank_rate_effort"}),
 )
 
 METHODS: Mapping[str, Capabilities] = {

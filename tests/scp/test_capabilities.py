@@ -35,19 +35,22 @@ def test_what_is_asked_for_is_read_from_the_mission() -> None:
 
 def test_a_constraint_that_the_method_does_not_know_is_named() -> None:
     mission = load_mission("x33_liu2015")
-    with pytest.raises(MethodError, match=r"bank_angle_minimum: .*'exact_hessian' \(none does\)"):
+    with pytest.raises(MethodError, match=r"bank_angle_minimum: .*'exact_hessian' \(liu2015 knows it\)"):
         solve(mission)
-    with pytest.raises(MethodError, match=r"\(able knows it\); choose another method or remove it"):
+    with pytest.raises(MethodError, match=r"\(liu2015, able know it\); choose another method or remove it"):
         check(mission, "exact_hessian", OTHERS)
     check(mission, "able", OTHERS)
 
 
 def test_a_term_that_the_method_does_not_know_is_named(mission: Mission) -> None:
-    poor = {"poor": Capabilities(CONDENSED.constraints, frozenset()), **METHODS}
+    poor = {
+        "poor": Capabilities(CONDENSED.constraints, frozenset()),
+        "exact_hessian": CONDENSED,
+    }
     with pytest.raises(MethodError, match=r"bank_rate_effort: .*\(exact_hessian knows it\)"):
         check(mission, "poor", poor)
 
 
 def test_an_unknown_method_is_named(mission: Mission) -> None:
-    with pytest.raises(MethodError, match=r"method: expected one of exact_hessian, got 'simplex'"):
+    with pytest.raises(MethodError, match=r"method: expected one of exact_hessian, .*, got 'simplex'"):
         solve(mission, method="simplex")
