@@ -4,7 +4,7 @@ The readable form of what `solve_sparse_subproblem` assembles for Clarabel: the 
 step, with any conic solver that cvxpy knows. It is also the place for a convex constraint of one's own:
 
     def stay_south(x, u):                         # x (n, n_x), u (n, n_u): cvxpy expressions, scaled
-        return [x[:, 2] <= np.radians(19.0)]      # latitude, node by node
+        return [x[:, 2] <= np.radians(31.0)]      # latitude, node by node
 
     subproblem = partial(solve_sparse_subproblem_cvxpy, extra_constraints=stay_south)
     ampi.solve(mission, method="wang2020", subproblem=subproblem)
