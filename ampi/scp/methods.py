@@ -31,11 +31,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ampi.missions.mission import Mission
-from ampi.physics.planet import great_circle_distance
+from ampi.physics.planet import bearing, great_circle_distance
 from ampi.pseudospectral.mesh import Mesh, Phase
 from ampi.scp.adaptive_mesh import LocalErrorAdaptation, global_error
-from ampi.scp.coast import until_level
+from ampi.scp.coast import until_drag, until_level
 from ampi.scp.collocation import Collocation, line_mesh, radau, trapezoid
+from ampi.scp.energy_domain import EnergyDomain
 from ampi.scp.formulation import Formulation
 from ampi.scp.guess import ConstantBank, constant_bank_guess, default_guess
 from ampi.scp.modified_hp import ModifiedHpSettings, Refined, Round, refine
@@ -267,6 +268,52 @@ def flown(mesh: Mesh) -> Callable[[Mission], Start | None]:
     return start
 
 
+HANDOVER_DRAG = 0.05  # [X] g₀: above it the energy domain is singular, and no bank angle matters
+HEADING_SHARE = 0.03  # [X] ε_ψ of Liu 2015, Eq. (38), in typical costs of the mission per rad
+
+
+def over_energy(points: int) -> Callable[[Mission], Start | None]:
+    """Liu 2015, Remark 6: zero bank until level, then straight lines to the target."""
+
+    def start(mission: Mission) -> Start | None:
+        planet, target = mission.flight_model.planet, mission.target
+        gravity = planet.gravitational_parameter / planet.equatorial_radius**2
+        coast = until_drag(mission, HANDOVER_DRAG * gravity, 0.0)
+        level = until_level(mission)
+        if coast is None or level is None:
+            return None
+        first = coast.handover
+        to_target = bearing(first[1], first[2], target.longitude, target.latitude)
+        turn = (to_target - first[5] + np.pi) % (2.0 * np.pi) - np.pi
+        side = -1.0 if turn > 0.0 else 1.0  # ε_ψ < 0 with the target on the right, Section II.C
+        form = EnergyDomain(mission, coast, side * HEADING_SHARE * typical_cost(mission))
+        tau = np.linspace(0.0, 1.0, points)
+        azimuth = to_target if target.azimuth is None else 0.5 * sum(target.azimuth)
+        flown = form.energy(level.states[0], level.states[3]) - form.first_energy
+        s = tau * form.energy_range
+        descent = np.interp(s, flown, level.states[0])
+        glide = np.interp(s, [flown[-1], form.energy_range], [level.states[0, -1], target.altitude])
+        states = np.column_stack(
+            [
+                np.where(s < flown[-1], descent, glide) / form.state_scale[0],
+                first[1] + (target.longitude - first[1]) * tau,
+                first[2] + (target.latitude - first[2]) * tau,
+                np.full(points, -0.1 * DEGREE),
+                first[5] + (azimuth - first[5]) * tau,
+            ]
+        )
+        states[0] = form.entry
+        iterate = Iterate(line_mesh(tau), states, np.zeros((points, 2)), form.energy_range)
+        return Start(form, iterate)
+
+    return start
+
+
+def loose_nodes(solution: Solution, tolerance: float = 1e-3) -> NDArray[np.intp]:
+    """Nodes where u₁² + u₂² < 1: where the relaxation of Liu 2015, Eq. (49), is not tight."""
+    return np.flatnonzero(np.sum(solution.iterate.controls**2, axis=1) < 1.0 - tolerance)
+
+
 def uniform(segments: int, degree: int) -> Mesh:
     """hp mesh of equal segments."""
     return Mesh((Phase((degree,) * segments),))
@@ -298,6 +345,22 @@ ZHOU = Method(
         units=(EARTH_RADIUS / 20, 0.05, 0.05, CIRCULAR_SPEED / 20, 0.05, 0.05, 0.05),
     ),
     global_error=True,
+)
+
+LIU_2015 = Method(
+    source="Liu, Shen, Lu 2015",
+    start=over_energy(201),
+    transcribe=trapezoid,
+    trust_region=StateTrustRegion(
+        (20e3, 20 * DEGREE, 20 * DEGREE, 20 * DEGREE, 70 * DEGREE)  # Section V
+    ),
+    prices=Prices(
+        target=(0.01, 100.0, 100.0, 100.0, 100.0), limits=100.0
+    ),  # [X] c_θ, c_φ unpublished
+    convergence=StateChange((200.0, *(0.05 * DEGREE,) * 4)),  # Section V
+    max_iterations=20,
+    # ours: without it the longest flight and the least heat load oscillate
+    penalty=VariableQuadraticPenalty(initial=0.1, shrink=0.9),
 )
 
 WANG = Method(
@@ -340,6 +403,7 @@ LIU_2024 = Method(
 METHODS: dict[str, Method] = {
     "zhou2021": ZHOU,
     "zhou2021_fixed": replace(ZHOU, source="Zhou et al. 2021, fixed mesh", adapt=None),
+    "liu2015": LIU_2015,
     "wang2020_scp": replace(
         WANG,
         source="Wang et al. 2020, SCP",

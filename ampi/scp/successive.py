@@ -297,6 +297,7 @@ class VariableQuadraticPenalty:
     while it goes on. As soon as the objective is steady ρ falls again, for it slows convergence.
     """
 
+    initial: float = 0.0  # ρ of the first subproblem
     first: float = 0.05  # ρ when it appears, in units of the scaled cost
     grow: float = 4.0
     shrink: float = 0.5
@@ -334,7 +335,8 @@ class Successive:
         """Iterate from `start` until convergence, the iteration limit or an unusable step."""
         form, at, log = self.linearised.formulation, start, list[SubproblemRecord]()
         rule = self.transcribe(at.mesh)
-        status, quadratic = "iteration limit", 0.0
+        status = "iteration limit"
+        quadratic = 0.0 if self.penalty is None else self.penalty.initial
         costs = [self.linearised.cost(rule, at)]
         for iteration in range(1, self.max_iterations + 1):
             problem = self.linearised.subproblem(rule, at, quadratic)

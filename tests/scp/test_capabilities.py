@@ -35,9 +35,13 @@ def test_what_is_asked_for_is_read_from_the_mission() -> None:
 
 def test_a_constraint_that_the_method_does_not_know_is_named() -> None:
     mission = load_mission("x33_liu2015")
-    with pytest.raises(MethodError, match=r"bank_angle_minimum: .*'exact_hessian' \(liu2015 knows it\)"):
+    with pytest.raises(
+        MethodError, match=r"bank_angle_minimum: .*'exact_hessian' \(liu2015 knows it\)"
+    ):
         solve(mission)
-    with pytest.raises(MethodError, match=r"\(liu2015, able know it\); choose another method or remove it"):
+    with pytest.raises(
+        MethodError, match=r"\(liu2015, able know it\); choose another method or remove it"
+    ):
         check(mission, "exact_hessian", OTHERS)
     check(mission, "able", OTHERS)
 
@@ -52,5 +56,7 @@ def test_a_term_that_the_method_does_not_know_is_named(mission: Mission) -> None
 
 
 def test_an_unknown_method_is_named(mission: Mission) -> None:
-    with pytest.raises(MethodError, match=r"method: expected one of exact_hessian, .*, got 'simplex'"):
+    with pytest.raises(
+        MethodError, match=r"method: expected one of exact_hessian, .*, got 'simplex'"
+    ):
         solve(mission, method="simplex")
