@@ -494,6 +494,51 @@ def report(
     out.print(f"{written}: {written.stat().st_size / 1e6:.1f} MB")
 
 
+@app.command()
+def reproduce(
+    papers: Annotated[
+        list[str] | None, typer.Argument(help="zhou2021, liu2015, wang2020, liu2024; default all.")
+    ] = None,
+    output: Annotated[Path | None, typer.Option(help="Folder for one figure a paper.")] = None,
+    skip_slow: Annotated[
+        bool, typer.Option("--skip-slow", help="Stop the global PSCP after two iterations.")
+    ] = False,
+    as_json: Json = False,
+) -> None:
+    """Print the tables of the optimiser papers: paper, ours by the same method, ours by our method."""
+    from ampi.report.reproduction import PAPERS
+    from ampi.report.reproduction_figures import FIGURES
+
+    chosen = papers or list(PAPERS)
+    with _told():
+        for name in chosen:
+            if name not in PAPERS:
+                raise ValueError(f"paper: expected one of {', '.join(PAPERS)}, got {name!r}")
+        if output is not None and not output.is_dir():
+            raise ValueError(f"--output: expected an existing folder, got {output}")
+        found = {}
+        with progress("papers", len(chosen)) as advance:
+            for name in chosen:
+                found[name] = PAPERS[name](skip_slow)
+                advance(1)
+                if output is not None:
+                    FIGURES[name](found[name]).savefig(output / f"{name}.png")
+    if as_json:
+        _print_json({name: result.as_dict() for name, result in found.items()})
+        return
+    for result in found.values():
+        table = Table("", "paper", "ours, same method", "ours, our method", "must hold", "")
+        table.title = result.title
+        for row in result.rows:
+            verdict = "" if row.holds is None else "yes" if row.holds else "[bold red]no[/]"
+            cells = (row.quantity, row.paper, row.same_method, row.our_method, row.must_hold)
+            table.add_row(*map(_escaped, cells), verdict)
+        out.print(table)
+        for row in result.rows:
+            if row.note:
+                out.print(f"  {_escaped(row.quantity)}: {_escaped(row.note)}")
+
+
 def main() -> None:
     """Entry point."""
     app()

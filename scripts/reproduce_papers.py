@@ -1,0 +1,13 @@
+"""Print the tables of the four optimiser papers beside ours: `ampi reproduce`, as a script.
+
+python scripts/reproduce_papers.py [zhou2021] [liu2015] [wang2020] [liu2024] [--skip-slow] [--json]
+"""
+
+from __future__ import annotations
+
+import sys
+
+from ampi.cli import app
+
+if __name__ == "__main__":
+    app(["reproduce", *sys.argv[1:]])
