@@ -237,7 +237,13 @@ class EnergyDomain:
             value = path_constraints(model, [altitude, 0.0, 0.0, speed], 0.0)[kind]
             return np.asarray(value / over[kind] - 1.0)
 
-        return np.array([_last_root(lambda h, k=k: excess(k, h), len(s)) for k in range(3)])
+        top = self._highest(s)
+        return np.array([_last_root(lambda h, k=k: excess(k, h), top) for k in range(3)])
+
+    def _highest(self, s: Array) -> Array:
+        """Where bounds are looked for: below it there is kinetic energy left (m)."""
+        radius = self.mission.flight_model.planet.equatorial_radius
+        return np.minimum(HIGHEST, 0.999 * (radius / (s + self.first_energy) - radius))
 
     def altitude_ceiling(self, s: Array) -> Array | None:
         """Highest altitude with the drag floor (m), inf above its speed; None without a floor."""
@@ -251,7 +257,7 @@ class EnergyDomain:
             air = air_loads(model.vehicle, model.atmosphere, altitude, speed, 0.0)
             return np.asarray(air.drag - floor)
 
-        ceiling = _last_root(surplus, len(s))
+        ceiling = _last_root(surplus, self._highest(s))
         speed = self.speed(ceiling, s + self.first_energy)
         return np.where(speed <= limits.drag_floor_speed, ceiling, 10.0 * HIGHEST)
 
@@ -277,9 +283,9 @@ class EnergyDomain:
         )
 
 
-def _last_root(function: Any, n: int) -> Array:
+def _last_root(function: Any, high: Array) -> Array:
     """Altitude (n,) where a function that falls with altitude crosses zero, by bisection."""
-    low, high = np.zeros(n), np.full(n, HIGHEST)
+    low = np.zeros_like(high)
     for _ in range(60):
         middle = 0.5 * (low + high)
         above = function(middle) > 0.0
