@@ -16,7 +16,7 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
-from ampi.missions.mission import ENTRY_STATES, Mission, load_mission
+from ampi.missions.mission import Mission, load_mission
 from ampi.progress import progress
 from ampi.trajectory import Trajectory
 
@@ -262,40 +262,40 @@ def guide(
     speed: Annotated[float | None, _entry_option("m/s")] = None,
     flight_path_angle_deg: Annotated[float | None, _entry_option("deg")] = None,
     azimuth_deg: Annotated[float | None, _entry_option("deg")] = None,
+    parameter: Annotated[
+        list[str] | None,
+        typer.Option("--parameter", "-p", help="Any parameter of the database, KEY=VALUE."),
+    ] = None,
     mode: Annotated[str, typer.Option(help="ampi, mpi, quadratic or nominal.")] = "ampi",
     table: Annotated[Path | None, typer.Option("--csv", help="Write the reference as CSV.")] = None,
     plot: Annotated[Path | None, typer.Option(help="Draw it (PNG, PDF, SVG).")] = None,
 ) -> None:
-    """One entry state → the reference that the tracker flies."""
+    """Measured parameters → the reference that the tracker flies."""
     from ampi.dataset import read_dataset
     from ampi.loading import load_guidance
+    from ampi.missions.parameters import measured_values
 
     with _told():
         loaded = read_dataset(path).mission
-        entry = loaded.entry_state.copy()
-        given = (
-            altitude_km,
-            longitude_deg,
-            latitude_deg,
-            speed,
-            flight_path_angle_deg,
-            azimuth_deg,
-        )
-        factors = (1e3, np.pi / 180, np.pi / 180, 1.0, np.pi / 180, np.pi / 180)
-        for i, (value, factor) in enumerate(zip(given, factors, strict=True)):
-            if value is not None and not np.isfinite(value):
-                raise ValueError(
-                    f"entry state: expected a finite {ENTRY_STATES[i].replace('_', ' ')}, got {value}"
-                )
-            entry[i] = entry[i] if value is None else value * factor
-        reference = load_guidance(path, mode=mode).reference(entry)
+        options = {
+            "altitude_km": altitude_km,
+            "longitude_deg": longitude_deg,
+            "latitude_deg": latitude_deg,
+            "speed_m_per_s": speed,
+            "flight_path_angle_deg": flight_path_angle_deg,
+            "azimuth_deg": azimuth_deg,
+        }
+        given = {key: value for key, value in options.items() if value is not None}
+        given |= dict(_key_and_value(text) for text in parameter or [])
+        measured = measured_values(loaded, loaded.parameters, given)
+        reference = load_guidance(path, mode=mode).reference(measured)
         if table is not None:
             _write_csv(table, reference.times, reference.states, reference.bank_rate)
         if plot is not None:
             from ampi.report.single import reference_figure
 
             reference_figure(loaded, reference).savefig(plot, dpi=130)
-    outside = [n for n, c in zip(ENTRY_STATES, reference.clipped, strict=True) if c]
+    outside = [p.name for p, c in zip(loaded.parameters, reference.clipped, strict=True) if c]
     cell = ", ".join(str(i) for i in reference.cell)
     out.print(
         f"cell ({cell}), final time {reference.final_time:.2f} s, bank angle at entry "
@@ -303,6 +303,14 @@ def guide(
     )
     if outside:
         out.print(f"outside the hypercube in {', '.join(outside)}: boundary trajectory")
+
+
+def _key_and_value(text: str) -> tuple[str, float]:
+    key, _, value = text.partition("=")
+    try:
+        return key.strip(), float(value)
+    except ValueError:
+        raise ValueError(f"--parameter: expected KEY=NUMBER, got {text!r}") from None
 
 
 @app.command()

@@ -36,7 +36,7 @@ from ampi.trajectory import Statistics, Status, Trajectory
 
 Array = NDArray[np.float64]
 
-SCHEMA_VERSION = 1
+SCHEMA_VERSION = 2  # 1: six parameter axes always, those of one point included
 DIGEST = "content_sha256"
 SEAL_BYTES = 512  # the smallest HDF5 user block; readers skip it
 
@@ -167,8 +167,9 @@ def _read_checked(file: h5py.File, path: Path) -> TrajectoryDataset:
         raise DatasetError(f"{path}: an HDF5 file, but not a trajectory database")
     if int(version) != SCHEMA_VERSION:
         raise DatasetError(
-            f"{path}: schema version {version}, this ampi reads version {SCHEMA_VERSION}; "
-            f"the file was written by ampi {file.attrs.get('ampi_version', '?')}"
+            f"{path}: schema version {version}, this ampi reads version {SCHEMA_VERSION}; read it "
+            f"with the ampi that wrote it, {file.attrs.get('ampi_version', '?')} (git revision "
+            f"{file.attrs.get('git_revision', '?')}), or build it anew from its mission"
         )
     raw = path.read_bytes()
     if raw[:SEAL_BYTES] != _seal(raw[SEAL_BYTES:]) or file.attrs.get(DIGEST) != content_digest(
@@ -247,7 +248,7 @@ def write_dataset(
     *,
     names: tuple[str, ...],
     axes: tuple[Array, ...],
-    axis_units: Mapping[str, str],
+    axis_units: tuple[str, ...],
     scales: Mapping[str, NDArray[Any]],
     values: Mapping[str, NDArray[Any]],
     attributes: Mapping[str, Any],
@@ -257,10 +258,10 @@ def write_dataset(
     with h5py.File(temporary, "w", track_order=False, userblock_size=SEAL_BYTES) as file:
         for key, value in attributes.items():
             file.attrs[key] = value
-        for name, axis in zip(names, axes, strict=True):
+        for name, axis, unit in zip(names, axes, axis_units, strict=True):
             scale = file.create_dataset(f"axis_{name}", data=axis, fletcher32=True, chunks=True)
             scale.make_scale(name)
-            scale.attrs["units"], scale.attrs["long_name"] = axis_units[name], f"entry {name}"
+            scale.attrs["units"], scale.attrs["long_name"] = unit, f"parameter axis: {name}"
         for name, scale_values in scales.items():
             scale = file.create_dataset(name, data=scale_values, fletcher32=True, chunks=True)
             scale.make_scale(name)

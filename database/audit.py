@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 
 from ampi.dataset import TrajectoryDataset
 from ampi.loading import guidance_table
+from ampi.missions.family import MissionFamily
 from ampi.missions.mission import Mission
 from ampi.onboard.reference import Mode, ReferenceGenerator
 from ampi.onboard.table import RATE_ROW, STATE_ROWS, GuidanceTable
@@ -28,6 +29,7 @@ from ampi.physics.planet import great_circle_distance
 from ampi.scp.solve import solve
 from ampi.simulation.reintegration import reintegrate_many
 from ampi.trajectory import Status, Trajectory
+from database.grid import Grid
 
 Array = NDArray[np.float64]
 
@@ -126,6 +128,7 @@ def _fly_again(
 ) -> tuple[Array, Array, Array, Array]:
     mission = dataset.mission
     n = dataset.states.shape[-1]
+    points = Grid.from_mission(mission).points()
     good = np.flatnonzero(dataset.solved.ravel())
     states = dataset.states.reshape(-1, 7, n)[good]
     final_time = dataset.final_time.ravel()[good]
@@ -133,8 +136,9 @@ def _fly_again(
     peak = np.zeros(3)
     for i in range(0, len(good), CHUNK):
         part = slice(i, i + CHUNK)
+        family = mission.family(points[good[part]])
         check = reintegrate_many(
-            mission, mission.pseudospectral_mesh, states[part], final_time[part]
+            family, mission.pseudospectral_mesh, states[part], final_time[part]
         )
         found.append((check.position_error, check.altitude_error, check.speed_error))
         peak = np.maximum(peak, check.peak.max(axis=0))
@@ -174,7 +178,7 @@ def _probe(
 
 def _probe_point(mission: Mission, table: GuidanceTable, point: Array) -> dict[str, Array] | None:
     """Errors of every mode at one point; None if the problem there could not be solved."""
-    here = mission.with_entry(point)
+    here = mission.with_parameters(point)
     nodal = {mode: nodal_reference(table, mode, point) for mode in MODES}
     states, rate, final_time = nodal[Mode.AMPI]
     mesh = mission.pseudospectral_mesh
@@ -200,7 +204,11 @@ def _errors(mission: Mission, truth: Trajectory, states: Array, final_time: floa
     flown = states.copy()
     flown[:6, 0] = mission.entry_state
     end = reintegrate_many(
-        mission, mission.pseudospectral_mesh, flown[None], np.array([final_time]), np.inf
+        MissionFamily((mission,)),
+        mission.pseudospectral_mesh,
+        flown[None],
+        np.array([final_time]),
+        np.inf,
     ).states[0, :, -1]
     target = mission.target
     miss = great_circle_distance(

@@ -124,7 +124,7 @@ def _attempts(
     """From each neighbour at once, then along a path in p from the first; the centre from nothing."""
     goal = grid.point(planned.case)
     if not planned.neighbours:
-        trajectory = solve(mission.with_entry(goal))
+        trajectory = solve(mission.with_parameters(goal))
         return trajectory, 1, trajectory.status.sentence
     starts: list[tuple[int, Trajectory]] = []
     for neighbour in planned.neighbours:
@@ -139,7 +139,7 @@ def _attempts(
             origin, trajectory = grid.point(neighbour), start
             for k in range(1, steps + 1):
                 at = origin + (goal - origin) * (k / steps)
-                trajectory = solve(mission.with_entry(at), guess=trajectory)
+                trajectory = solve(mission.with_parameters(at), guess=trajectory)
                 solves += 1
                 if not trajectory.status.ok:
                     break
@@ -147,7 +147,7 @@ def _attempts(
             if trajectory.status.ok:
                 return trajectory, solves, log[-1]
             best = trajectory if k == steps else best
-    trajectory = solve(mission.with_entry(goal))
+    trajectory = solve(mission.with_parameters(goal))
     log.append(f"from a constant bank angle: {trajectory.status.sentence}")
     if best is not None and not trajectory.status.ok:
         trajectory = best

@@ -20,7 +20,7 @@ from ampi.pseudospectral.mesh import Mesh
 from ampi.scp.exact_hessian import SolverSettings
 from ampi.simulation.reintegration import reintegrate_many
 from database.gains import GainSettings, vertex_gains
-from database.grid import UNITS, Grid
+from database.grid import Grid
 from database.jobs import CaseRecord
 
 Array = NDArray[np.float64]
@@ -69,8 +69,9 @@ def write_database(
     for chunk in np.array_split(solved, max(1, -(-len(solved) // CHUNK))):
         if len(chunk) == 0:
             continue
-        gains[chunk] = vertex_gains(mission, mesh, states[chunk], final_time[chunk], settings)
-        check = reintegrate_many(mission, mesh, states[chunk], final_time[chunk])
+        family = mission.family([grid.point(int(case)) for case in chunk])
+        gains[chunk] = vertex_gains(family, mesh, states[chunk], final_time[chunk], settings)
+        check = reintegrate_many(family, mesh, states[chunk], final_time[chunk])
         errors["position"][chunk] = check.position_error
         errors["altitude"][chunk] = check.altitude_error
         errors["speed"][chunk] = check.speed_error
@@ -106,7 +107,7 @@ def write_database(
         path,
         names=grid.names,
         axes=grid.axes,
-        axis_units=UNITS,
+        axis_units=grid.units,
         scales={
             "state": np.array(STATES, dtype="S20"),
             "limit": np.array(PATH_CONSTRAINTS, dtype="S20"),

@@ -19,7 +19,7 @@ from ampi.physics.equations_of_motion import STATES
 def test_xarray_opens_it_with_named_dimensions(small_database: Path) -> None:
     with xarray.open_dataset(small_database, engine="h5netcdf") as data:
         assert data["states"].dims[-2:] == ("state", "node")
-        assert data["states"].dims[3] == "axis_speed"
+        assert data["states"].dims[0] == "axis_speed"
         assert data["final_time"].attrs["units"] == "s"
         assert [s.decode() for s in data["state"].values] == list(STATES)
         assert float(data["final_time"].min()) > 500.0
@@ -27,7 +27,7 @@ def test_xarray_opens_it_with_named_dimensions(small_database: Path) -> None:
 
 def test_plain_h5py_and_numpy_are_enough(small_database: Path, small_mission: Mission) -> None:
     with h5py.File(small_database) as file:
-        states = file["states"][0, 0, 0, 1, 1, 0]
+        states = file["states"][1, 1]
         dense = states @ file["ld_to_hd"][()]
         assert file["states"].attrs["long_name"] == "optimal states at the Radau nodes"
         assert file.attrs["bank_rate_effort"] == small_mission.objective.bank_rate_effort
@@ -90,7 +90,9 @@ def test_another_schema_version_is_refused(small_database: Path, tmp_path: Path)
     shutil.copy(small_database, path)
     with h5py.File(path, "r+") as file:
         file.attrs["schema_version"] = 99
-    with pytest.raises(DatasetError, match="schema version 99, this ampi reads version 1"):
+    with pytest.raises(
+        DatasetError, match="schema version 99, this ampi reads version 2; read it with"
+    ):
         load_guidance(path)
 
 

@@ -123,16 +123,18 @@ def test_the_missions_grid_is_eq_34(shefex3: Mission, mission: Mission) -> None:
     assert dispersions.half_widths == pytest.approx(tuple(EQ_34), rel=1e-9)
     assert dispersions.distribution is Distribution.NORMAL
     narrow = Dispersions.from_mission(mission, Distribution.CORNERS)
-    assert narrow.half_widths == pytest.approx((0, 0, 0, 70.0, 0.5 * DEGREE, 0), rel=1e-9)
+    assert narrow.half_widths == pytest.approx((70.0, 0.5 * DEGREE), rel=1e-9)
     assert narrow.distribution is Distribution.CORNERS
 
 
 @pytest.mark.parametrize(
     "widths",
-    [(1.0,) * 5, (1.0,) * 7, (1.0, 1.0, -1.0, 1.0, 1.0, 1.0), (1.0, np.nan, 1.0, 1.0, 1.0, 1.0)],
+    [(1.0, 1.0, -1.0, 1.0, 1.0, 1.0), (1.0, np.nan, 1.0, 1.0, 1.0, 1.0), ((1.0,),)],
 )
 def test_bad_half_widths_are_refused(widths: tuple[float, ...]) -> None:
-    with pytest.raises(ValueError, match="half_widths: expected 6 non-negative numbers for"):
+    with pytest.raises(
+        ValueError, match="half_widths: expected non-negative numbers, one per parameter"
+    ):
         Dispersions(widths)
 
 
@@ -140,3 +142,9 @@ def test_bad_half_widths_are_refused(widths: tuple[float, ...]) -> None:
 def test_no_flights_are_refused(shefex3: Mission, n: int) -> None:
     with pytest.raises(ValueError, match=f"n: expected at least one flight, got {n}"):
         Dispersions.from_mission(shefex3).draw(shefex3, n, 1)
+
+
+@pytest.mark.parametrize("count", [5, 7])
+def test_half_widths_of_another_mission_are_refused(shefex3: Mission, count: int) -> None:
+    with pytest.raises(ValueError, match=f"expected 6 numbers for altitude, .*, got {count}"):
+        Dispersions((1.0,) * count).draw(shefex3, 1, 1)
