@@ -6,15 +6,16 @@ import hashlib
 import json
 import shutil
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
 import numpy as np
 
-from ampi.dataset import partial_folder, stored_mission
+from ampi.dataset import TrajectoryDataset, partial_folder, stored_mission
 from ampi.missions.mission import Mission
 from ampi.scp.exact_hessian import SolverSettings
+from ampi.trajectory import Trajectory
 from database.continuation import layers
 from database.gains import GainSettings
 from database.grid import Grid
@@ -24,6 +25,7 @@ from database.jobs import (
     read_fingerprint,
     record_path,
     run_layer,
+    save_record,
     write_fingerprint,
 )
 from database.writer import package_version, write_database
@@ -50,12 +52,27 @@ class BuildReport:
     worst_limit: float  # greatest path constraint over its limit, between the nodes
 
 
+@dataclass(frozen=True, eq=False)
+class KnownCase:
+    """An optimum that a build need not find again."""
+
+    trajectory: Trajectory
+    message: str  # how it was solved
+
+    @classmethod
+    def of(cls, dataset: TrajectoryDataset, case: int) -> KnownCase:
+        """A case of an existing database."""
+        message = dataset.message.ravel()[case].decode("utf-8", "replace")
+        return cls(dataset.trajectory(case), message)
+
+
 def build(
     mission: Mission,
     path: str | Path,
     *,
     n_jobs: int = 2,
     gains: GainSettings | None = None,
+    known: Mapping[int, KnownCase] | None = None,
     advance: Callable[[int], None] | None = None,
 ) -> BuildReport:
     """Solve the mission's grid and write the trajectory database.
@@ -73,6 +90,8 @@ def build(
         Worker processes; the file does not depend on it.
     gains
         Weights of the tracking gains.
+    known
+        Optima by case that are kept instead of solved: of a coarser grid, or of a database repaired.
     advance
         Called with the number of cases just finished.
     """
@@ -84,6 +103,8 @@ def build(
     folder, notify = partial_folder(path), advance or (lambda count: None)
     _refuse_other_database(path, mission)
     _open_partial(folder, mission)
+    for case, optimum in (known or {}).items():
+        save_record(folder, CaseRecord(case, optimum.trajectory, optimum.message, 0, 0.0))
     resumed = 0
     for number, layer in enumerate(layers(grid)):
         open_cases = [p for p in layer if load_record(folder, p.case, mission) is None]

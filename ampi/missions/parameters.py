@@ -54,6 +54,7 @@ class Parameter:
     """A number and the values (SI, rad) at which the database holds optima."""
 
     number: MissionNumber
+    key: str  # as written in the grid
     offsets: tuple[float, ...]  # from the nominal value, in the unit of the key
 
     @property
@@ -113,7 +114,7 @@ def resolve(mission: BaseModel, grid: Mapping[str, tuple[float, ...]]) -> tuple[
             )
         if number.name in found:
             raise ValueError(f"grid.{key}: {number.name} has an axis already; remove one of them")
-        found[number.name] = Parameter(number, offsets)
+        found[number.name] = Parameter(number, key, offsets)
     entry = [found.pop(state) for state in ENTRY_STATES if state in found]
     parameters = tuple(p for p in (*entry, *found.values()) if len(p.offsets) > 1)
     if len(parameters) > MOST_DIMENSIONS:
