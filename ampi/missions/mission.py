@@ -389,7 +389,7 @@ class Mission(Section):
                 check_value(self, number.path, value)
                 self._moved([(number.path, value)])._agrees()
             except ValueError as error:
-                raise ValueError(f"grid.{number.key}: at offset {offset:g}: {error}") from None
+                raise ValueError(f"grid.{parameter.key}: at offset {offset:g}: {error}") from None
         return self
 
     def _agrees(self) -> None:

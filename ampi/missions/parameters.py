@@ -138,13 +138,16 @@ def check_value(section: BaseModel, path: Path, value: float) -> None:
 
 
 def moved(section: Any, path: Path, value: float) -> Any:
-    """A copy of `section` with `value` (SI) at `path`, unchecked; what is beside the path is shared."""
+    """`section` with `value` (SI) at `path`, unchecked; it shares all that stays, itself included."""
     if not path:
         return value
     if isinstance(section, tuple):
         i = int(path[0])
         return (*section[:i], moved(section[i], path[1:], value), *section[i + 1 :])
-    return section.model_copy(update={path[0]: moved(getattr(section, path[0]), path[1:], value)})
+    before = getattr(section, path[0])
+    after = moved(before, path[1:], value)
+    same = after is before or (isinstance(before, float) and after == before)
+    return section if same else section.model_copy(update={path[0]: after})
 
 
 def parameter_values(parameters: tuple[Parameter, ...], given: ArrayLike) -> Array:
@@ -175,7 +178,8 @@ def measured_values(
         Naming a key that is no parameter, or a value that is no finite number.
     """
     at = {parameter.name: i for i, parameter in enumerate(parameters)}
-    known = {n.key: n for n in mission_numbers(mission) if n.name in at}
+    numbers = [n for n in mission_numbers(mission) if n.name in at]
+    known = {n.key: n for n in sorted(numbers, key=lambda n: at[n.name])}
     values = np.array([parameter.number.nominal for parameter in parameters])
     for key, value in given.items():
         if key not in known:
