@@ -16,7 +16,8 @@ entry and target is a means, and an interpolated one is not quite a flight; hold
 its defects on to the target.
 
 The sweep is an exact discrete-time recursion on a fine grid that contains the nodes, with zero-order
-hold in u over steps of at most `STEP` seconds; all cases of a batch at once.
+hold in u over steps of at most `STEP` seconds. Cases of about equal final time share one grid and are
+swept at once; the grid depends on the case alone, so its gains do not depend on its company.
 
 References
 ----------
@@ -38,7 +39,10 @@ from ampi.scp.derivatives import scaled_dynamics
 
 Array = NDArray[np.float64]
 
-STEP = 1.0  # s
+STEP = 0.75  # s
+HORIZON = (
+    50.0  # s: flights are swept together whose final times round up to the same multiple of it
+)
 DEGREE = float(np.pi / 180.0)
 
 
@@ -59,15 +63,36 @@ def vertex_gains(
 
     Row i multiplies the error of state i (SI, rad); the command is u_ref − K · δx (rad/s).
     """
-    cases, n = len(states), mesh.n_nodes
-    gains = np.zeros((cases, 7, n))
-    longest = float(final_time.max())
-    fine = [
-        np.union1d(
-            np.linspace(-1.0, 1.0, int(np.ceil(2.0 * _half(s, longest) / STEP)) + 1), s.rule.nodes
-        )
-        for s in mesh.segments
-    ]
+    gains = np.zeros((len(states), 7, mesh.n_nodes))
+    horizon = HORIZON * np.ceil(final_time / HORIZON)
+    for longest in np.unique(horizon):
+        part = np.flatnonzero(horizon == longest)
+        alike = MissionFamily(tuple(family.missions[i] for i in part))
+        fine = [_fine_grid(s, float(longest)) for s in mesh.segments]
+        gains[part] = _sweep(alike, mesh, fine, states[part], final_time[part], settings)
+    return gains
+
+
+def _fine_grid(segment: Segment, final_time: float) -> Array:
+    """τ of a segment: between nodes even steps, at most `STEP` long in a flight of `final_time`."""
+    half = segment.half_length[0] + segment.half_length[1] * final_time
+    nodes = segment.rule.nodes
+    counts = np.ceil(half * np.diff(nodes) / STEP).astype(int)
+    gaps = zip(nodes[:-1], nodes[1:], counts, strict=True)
+    return np.concatenate([*(np.linspace(*gap, endpoint=False) for gap in gaps), nodes[-1:]])
+
+
+def _sweep(
+    family: MissionFamily,
+    mesh: Mesh,
+    fine: list[Array],
+    states: Array,
+    final_time: Array,
+    settings: GainSettings,
+) -> Array:
+    """Eq. (2) backwards over the fine grids of the segments."""
+    n = mesh.n_nodes
+    gains = np.zeros((len(states), 7, n))
     cost = _terminal_cost(family, states, final_time, settings)
     rate_weight = 1.0 / (settings.bank_rate**2 * final_time)
     bank_weight = 1.0 / (settings.bank_deviation**2 * final_time)
@@ -85,10 +110,6 @@ def vertex_gains(
             if k in node_at:
                 gains[:, :, node_at[k]] = gain
     return gains
-
-
-def _half(segment: Segment, final_time: float) -> float:
-    return segment.half_length[0] + segment.half_length[1] * final_time
 
 
 def _terminal_cost(

@@ -103,5 +103,7 @@ def carried_over(
         index = [int(k) for k in np.unravel_index(case, old.shape)]
         index[i] = moved_to[index[i]]
         number = int(np.ravel_multi_index(index, new.shape))
-        known[number] = KnownCase.of(dataset, int(case))
+        kept = KnownCase.of(dataset, int(case))
+        message = f"case {case} of the grid before refinement: {kept.message}"
+        known[number] = KnownCase(kept.trajectory, message)
     return known

@@ -4,7 +4,9 @@ Any number of a mission may be a parameter. Its key is the path to it in the mis
 unit where it has one: `target.longitude_deg`, `vehicle.mass_kg`, `vehicle.angle_of_attack.start`. An
 entry state and the factors of density, lift and drag have short keys: `speed_m_per_s` stands for
 `entry.speed_m_per_s`, `density_factor` for `atmosphere.density_factor`. The mesh is no parameter: one
-table holds one set of nodes.
+table holds one set of nodes. So where p moves the angle-of-attack manoeuvre, its kinks leave the phase
+boundaries: give the schedule a `smoothing`. Start ± 4 s on SHEFEX-3 re-integrates to 222 m without, and
+to 6 m with 5 s.
 
 An axis is a list of offsets from the nominal number, in the unit of its key, that holds 0. An axis of
 one point moves nothing and is no dimension of the database.

@@ -188,12 +188,8 @@ def test_the_command_line_takes_any_parameter(cut: Path) -> None:
 
 def test_audit_and_refine_print_every_number_as_json(cut: Path) -> None:
     folder = cut.parent
-    found = json.loads(
-        run(
-            "audit", "density.h5", "--probes", "2", "--figures", "figures", "--repair", "--json",
-            cwd=folder,
-        )  # fmt: skip
-    )
+    options = ("--probes", "2", "--figures", "figures", "--repair", "--json")
+    found = json.loads(run("audit", "density.h5", *options, cwd=folder))
     assert found["repairs"] == []
     assert found["coherence"]["outliers"] == []
     assert len(found["coherence"]["roughness"]) == 12

@@ -91,7 +91,7 @@ def gains_with_step(
 
 
 def test_gains_are_those_of_the_riccati_equation(gains: Array, witness: Array) -> None:
-    """Within what zero-order hold over steps of 1 s costs; see the next test."""
+    """Within what zero-order hold over steps of `STEP` costs; see the next test."""
     assert np.all(deviations(gains, witness) < 0.1)
 
 
@@ -116,6 +116,17 @@ def test_equal_cases_have_equal_gains(mission: Mission, nominal: Trajectory, gai
     )
     for one in batch:
         assert one == pytest.approx(gains, rel=1e-9, abs=1e-12 * np.abs(gains).max())
+
+
+def test_gains_do_not_depend_on_the_company(
+    mission: Mission, nominal: Trajectory, gains: Array
+) -> None:
+    """A flight swept with longer and shorter ones has the gains that it has alone."""
+    final_time = nominal.final_time * np.array([1.0, 0.8, 1.02, 1.4])
+    states = np.repeat(nominal.states[None], 4, axis=0)
+    family = MissionFamily((mission,) * 4)
+    batch = vertex_gains(family, nominal.mesh, states, final_time, GainSettings())
+    assert batch[0] == pytest.approx(gains, rel=1e-9, abs=1e-12 * np.abs(gains).max())
 
 
 def test_a_dearer_bank_rate_means_smaller_gains(
