@@ -228,8 +228,8 @@ def audit(
         return
     for one in repairs:
         out.print(
-            f"case {one.outlier.case}: {one.message} Roughness {one.outlier.roughness:.1f} → "
-            f"{one.roughness:.1f}"
+            f"case {one.outlier.case}: {one.message} Roughness {one.outlier.roughness:.2g} → "
+            f"{one.roughness:.2g}"
         )
     statuses = ", ".join(f"{n} {name.lower()}" for name, n in report.statuses.items())
     out.print(f"{path}: {report.cases} cases: {statuses}")
