@@ -300,7 +300,7 @@ def _draw_audit(report: Any, folder: Path) -> None:
         CellBar(cell.parameter, f"{cell.low:g} … {cell.high:g}", cell.errors, cell is best)
         for cell in report.error_map
     ]
-    named = {o.case: _outlier_name(o) for o in report.coherence.outliers}
+    named = {o.case: f"case {o.case}" for o in report.coherence.outliers}
     smooth = coherence_figure(report.coherence.roughness.ravel(), THRESHOLD, named)
     folder.mkdir(parents=True, exist_ok=True)
     (folder / "coherence.png").write_bytes(image_bytes(smooth))
@@ -378,6 +378,7 @@ def guide(
     mode: Annotated[str, typer.Option(help="ampi, mpi, quadratic or nominal.")] = "ampi",
     table: Annotated[Path | None, typer.Option("--csv", help="Write the reference as CSV.")] = None,
     plot: Annotated[Path | None, typer.Option(help="Draw it (PNG, PDF, SVG).")] = None,
+    as_json: Json = False,
 ) -> None:
     """Measured parameters → the reference that the tracker flies."""
     from ampi.dataset import read_dataset
@@ -405,6 +406,19 @@ def guide(
 
             reference_figure(loaded, reference).savefig(plot, dpi=130)
     outside = [p.name for p, c in zip(loaded.parameters, reference.clipped, strict=True) if c]
+    if as_json:
+        _print_json(
+            {
+                "parameters": dict(
+                    zip([p.name for p in loaded.parameters], measured.tolist(), strict=True)
+                ),
+                "cell": reference.cell,
+                "outside": outside,
+                "final_time_s": reference.final_time,
+                "bank_angle_at_entry_deg": float(np.degrees(reference.states[6, 0])),
+            }
+        )
+        return
     cell = ", ".join(str(i) for i in reference.cell)
     out.print(
         f"cell ({cell}), final time {reference.final_time:.2f} s, bank angle at entry "

@@ -27,10 +27,11 @@ class Distribution(Enum):
 
 @dataclass(frozen=True)
 class Dispersions:
-    """Half-widths of the d parameters (SI, rad) and their distribution."""
+    """Half-widths of the d parameters (SI, rad), their distribution, and where it is centred."""
 
     half_widths: tuple[float, ...]
     distribution: Distribution = Distribution.NORMAL
+    centre: tuple[float, ...] | None = None  # offset from the nominal p; None: none
 
     def __post_init__(self) -> None:
         widths = np.asarray(self.half_widths, dtype=float)
@@ -39,17 +40,24 @@ class Dispersions:
                 "dispersions.half_widths: expected non-negative numbers, one per parameter, "
                 f"got {self.half_widths}"
             )
+        if self.centre is not None and (
+            len(self.centre) != len(widths) or not np.all(np.isfinite(self.centre))
+        ):
+            raise ValueError(
+                f"dispersions.centre: expected {len(widths)} finite offsets, got {self.centre}"
+            )
 
     @classmethod
     def from_mission(
         cls, mission: Mission, distribution: Distribution = Distribution.NORMAL
     ) -> Dispersions:
-        """The extent of the mission's parameter grid: Eq. (34) repeats Eq. (9)."""
-        widths = tuple(
-            float(max(abs(axis[0] - x), abs(axis[-1] - x)))
-            for axis, x in zip(mission.grid_axes, mission.nominal_parameters, strict=True)
+        """The extent of the mission's parameter grid, Eq. (34) repeats Eq. (9), and its middle."""
+        ends = [(p.offsets[0], p.offsets[-1], p.number.per_unit) for p in mission.parameters]
+        return cls(
+            half_widths=tuple(0.5 * (high - low) * unit for low, high, unit in ends),
+            distribution=distribution,
+            centre=tuple(0.5 * (high + low) * unit for low, high, unit in ends),
         )
-        return cls(widths, distribution)
 
     def draw(self, mission: Mission, n: int, seed: int) -> Array:
         """Parameters (n, d) of flights 0 … n − 1."""
@@ -71,4 +79,5 @@ class Dispersions:
                 offsets[i] = rng.uniform(-1.0, 1.0, d)
             else:
                 offsets[i] = rng.choice([-1.0, 1.0], d)
-        return np.asarray(mission.nominal_parameters + offsets * np.array(self.half_widths))
+        centre = mission.nominal_parameters + np.array(self.centre or np.zeros(d))
+        return np.asarray(centre + offsets * np.array(self.half_widths))

@@ -108,16 +108,16 @@ def test_every_optimum_was_found_in_its_own_air(seven: Path) -> None:
 
 def test_seven_dimensions_fly(seven: Path) -> None:
     mission, guidance = read_dataset(seven).mission, load_guidance(seven)
-    corners = Dispersions.from_mission(mission, Distribution.UNIFORM)
-    flights = ampi.fly(mission, guidance, corners, n=20, seed=4, n_jobs=1)
+    uniform = Dispersions.from_mission(mission, Distribution.UNIFORM)
+    flights = ampi.fly(mission, guidance, uniform, n=20, seed=4, n_jobs=1)
     assert flights.parameters.shape == (20, 7)
     assert flights.reached.all()
-    inside = ~flights.clipped
+    assert not flights.clipped.any()
     middle = mission.with_parameters([axis.mean() for axis in mission.grid_axes])
     reference = guidance.reference(middle.nominal_parameters)
     assert reference.inside
     assert reference.states[:6, 0] == pytest.approx(middle.entry_state, rel=1e-12)
-    assert np.all(flights.miss[inside] < 20e3)
+    assert flights.miss.max() < 3e3
 
 
 # --- the cut --------------------------------------------------------------------------------------
@@ -154,22 +154,21 @@ def test_a_target_may_move_with_p(mission: Mission, tmp_path: Path) -> None:
     moving = parse_mission(text)
     assert database.build(moving, path, n_jobs=1).solved == 4
     guidance = load_guidance(path)
-    corners = Dispersions.from_mission(moving, Distribution.CORNERS)
-    told = ampi.fly(moving, guidance, Dispersions(corners.half_widths), n=20, seed=2, n_jobs=1)
-    inside = ~told.clipped
-    assert inside.any()
-    assert np.all(told.miss[inside] < 1e3)
-    assert told.speed_error[told.reached] == pytest.approx(0.0, abs=1e-3)
-    assert np.ptp(told.final_states[:, 3]) > 5.0
-    untold = ampi.fly(
-        moving,
-        guidance.in_mode(Mode.NOMINAL),
-        Dispersions(corners.half_widths),
-        n=20,
-        seed=2,
-        n_jobs=1,
+    told, untold = (
+        ampi.fly(
+            moving,
+            guidance.in_mode(mode),
+            Dispersions.from_mission(moving, Distribution.UNIFORM),
+            n=20,
+            seed=2,
+            n_jobs=1,
+        )
+        for mode in (Mode.AMPI, Mode.NOMINAL)
     )
-    displaced = 6.371e6 * np.abs(untold.parameters[:, 0] - moving.target.latitude)
+    assert told.miss.max() < 1e3
+    assert told.speed_error == pytest.approx(0.0, abs=1e-3)
+    assert np.ptp(told.final_states[:, 3]) > 5.0
+    displaced = 6.371e6 * (untold.parameters[:, 0] - moving.target.latitude)
     assert untold.miss == pytest.approx(displaced, abs=3e3)
 
 
@@ -179,9 +178,11 @@ def test_a_target_may_move_with_p(mission: Mission, tmp_path: Path) -> None:
 def test_the_command_line_takes_any_parameter(cut: Path) -> None:
     folder = cut.parent
     nominal = run("guide", "density.h5", cwd=folder)
-    thick = run("guide", "density.h5", "--speed", "4740", "-p", "density_factor=1.07", cwd=folder)
+    options = ("--speed", "4740", "-p", "density_factor=1.07", "--json")
+    thick = json.loads(run("guide", "density.h5", *options, cwd=folder))
     assert nominal.startswith("cell (1, 1), final time")
-    assert thick.startswith("cell (1, 2), final time")
+    assert thick["parameters"] == {"speed": 4740.0, "density_factor": 1.07}
+    assert (thick["cell"], thick["outside"]) == ([1, 2], [])
     outside = run("guide", "density.h5", "-p", "density_factor=1.3", cwd=folder)
     assert "outside the hypercube in density_factor: boundary trajectory" in outside
 
