@@ -91,7 +91,8 @@ def build(
     gains
         Weights of the tracking gains.
     known
-        Optima by case that are kept instead of solved: of a coarser grid, or of a database repaired.
+        Optima by case that are kept instead of solved, where the folder has no record yet: of a coarser
+        grid, or of a database repaired.
     advance
         Called with the number of cases just finished.
     """
@@ -104,7 +105,8 @@ def build(
     _refuse_other_database(path, mission)
     _open_partial(folder, mission)
     for case, optimum in (known or {}).items():
-        save_record(folder, CaseRecord(case, optimum.trajectory, optimum.message, 0, 0.0))
+        if load_record(folder, case, mission) is None:
+            save_record(folder, CaseRecord(case, optimum.trajectory, optimum.message, 0, 0.0))
     resumed = 0
     for number, layer in enumerate(layers(grid)):
         open_cases = [p for p in layer if load_record(folder, p.case, mission) is None]

@@ -12,10 +12,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from ampi.dataset import read_dataset
+from ampi.dataset import partial_folder, read_dataset
 from ampi.scp.solve import solve
 from ampi.trajectory import Trajectory
-from database.build import KnownCase, build
+from database.build import BuildError, KnownCase, build
 from database.coherence import Outlier, case_roughness, coherence, family_rows
 from database.grid import Grid
 
@@ -33,7 +33,18 @@ class Repair:
 
 
 def repair(path: str | Path, *, n_jobs: int = 2) -> tuple[Repair, ...]:
-    """Re-solve the outliers of a database and replace the file if any became smoother."""
+    """Re-solve the outliers of a database and replace the file if any became smoother.
+
+    Raises
+    ------
+    BuildError
+        If an unfinished build of the same file stands in the way.
+    """
+    if partial_folder(path).is_dir():
+        raise BuildError(
+            f"{path}: expected no unfinished build beside the file, got {partial_folder(path)}; "
+            "finish it with ampi build, or delete the folder"
+        )
     dataset = read_dataset(path)
     found = coherence(dataset)
     rows, grid = family_rows(dataset), Grid.from_mission(dataset.mission)

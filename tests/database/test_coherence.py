@@ -13,10 +13,10 @@ from numpy.typing import NDArray
 
 import ampi
 import database
-from ampi.dataset import TrajectoryDataset, read_dataset
+from ampi.dataset import TrajectoryDataset, partial_folder, read_dataset
 from ampi.loading import load_guidance
 from ampi.missions.mission import Mission
-from database.build import KnownCase
+from database.build import BuildError, KnownCase
 from database.coherence import THRESHOLD, case_roughness, chord_misses, coherence, family_rows
 from database.grid import Grid
 from database.repair import repair
@@ -118,5 +118,9 @@ def test_a_case_of_the_other_branch_is_named_and_solved_again(
         assert np.array_equal(kept, were), name
     assert load_guidance(planted).reference(after.mission.nominal_parameters).inside
     untouched = planted.read_bytes()
+    partial_folder(planted).mkdir()
+    with pytest.raises(BuildError, match="expected no unfinished build beside the file, got"):
+        repair(planted, n_jobs=1)
+    partial_folder(planted).rmdir()
     assert repair(planted, n_jobs=1) == ()
     assert planted.read_bytes() == untouched
