@@ -8,6 +8,7 @@ import os
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -16,7 +17,7 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
-from ampi.missions.mission import ENTRY_STATES, Mission, load_mission
+from ampi.missions.mission import Mission, load_mission
 from ampi.progress import progress
 from ampi.trajectory import Trajectory
 
@@ -304,20 +305,35 @@ def audit(
     path: DatabaseArgument,
     probes: Annotated[int, typer.Option(min=0, help="Random points to solve.")] = 100,
     seed: Annotated[int, typer.Option(help="Seed of the random points.")] = 2016,
+    mend: Annotated[
+        bool, typer.Option("--repair", help="First re-solve the cases that stand out.")
+    ] = False,
+    figures: Annotated[
+        Path | None, typer.Option(help="Folder for coherence.png and error_map.png.")
+    ] = None,
     jobs: Jobs = CORES,
     as_json: Json = False,
 ) -> None:
-    """Re-integrate every case, check the limits between nodes, measure the interpolation error."""
+    """Is the database true, is it smooth, what does interpolating it cost, where would a point pay?"""
     from ampi.dataset import read_dataset
     from database.audit import audit as audit_dataset
+    from database.repair import repair
 
     with _told():
+        repairs = repair(path, n_jobs=jobs) if mend else ()
         dataset = read_dataset(path)
         with progress("auditing", int(dataset.solved.sum()) + probes) as advance:
             report = audit_dataset(dataset, probes=probes, seed=seed, n_jobs=jobs, advance=advance)
+        if figures is not None:
+            _draw_audit(report, figures)
     if as_json:
-        _print_json(report.as_dict())
+        _print_json({**report.as_dict(), "repairs": [asdict(one) for one in repairs]})
         return
+    for one in repairs:
+        out.print(
+            f"case {one.outlier.case}: {one.message} Roughness {one.outlier.roughness:.2g} → "
+            f"{one.roughness:.2g}"
+        )
     statuses = ", ".join(f"{n} {name.lower()}" for name, n in report.statuses.items())
     out.print(f"{path}: {report.cases} cases: {statuses}")
     truth = Table("against re-integration (DOP853)", "median", "90 %", "worst")
@@ -336,6 +352,99 @@ def audit(
         out.print(_interpolation_table(report))
     if report.unsolved_probes:
         out.print(f"{report.unsolved_probes} of {report.probes} probes could not be solved")
+    _print_coherence(report)
+    _print_error_map(report)
+
+
+def _print_coherence(report: Any) -> None:
+    from database.coherence import ROWS, THRESHOLD
+
+    smooth = report.coherence
+    row = int(np.argmax(smooth.worst))
+    out.print(
+        f"coherence: {smooth.triples} second differences, the roughest {smooth.worst[row]:.1f} times "
+        f"the family's scale ({ROWS[row].replace('_', ' ')}); a case stands out above {THRESHOLD:g}"
+    )
+    for outlier in smooth.outliers:
+        out.print(f"  {_outlier_name(outlier)}: roughness {outlier.roughness:.1f}")
+    if smooth.outliers:
+        out.print("  re-solve them from their neighbours with: ampi audit --repair")
+
+
+def _outlier_name(outlier: Any) -> str:
+    return f"case {outlier.case} at grid index {outlier.index}"
+
+
+def _print_error_map(report: Any) -> None:
+    from database.error_map import best_cell
+
+    best = best_cell(report.error_map)
+    out.print(
+        "interpolation error in each cell, 90 %, and what one more point there would take away:"
+    )
+    heads = ("m", "m/s", "deg", "s", "gain", "solves")
+    out.print(f"  {'':34}" + "".join(f"{head:>8}" for head in heads))
+    for cell in report.error_map:
+        mark = ", probed" if cell.source == "probes" else ""
+        mark += " ← pays most" if cell is best else ""
+        errors = "".join(f"{error:8.3g}" for error in cell.errors.values())
+        name = f"{cell.key} {cell.low:g} … {cell.high:g}"
+        out.print(f"  {name:34}{errors}{100 * cell.gain:6.1f} %{cell.new_cases:8}{mark}")
+
+
+def _draw_audit(report: Any, folder: Path) -> None:
+    from ampi.report.audit_figures import CellBar, coherence_figure, error_map_figure
+    from ampi.report.look import image_bytes
+    from database.coherence import THRESHOLD
+    from database.error_map import best_cell
+
+    best = best_cell(report.error_map)
+    bars = [
+        CellBar(cell.parameter, f"{cell.low:g} … {cell.high:g}", cell.errors, cell is best)
+        for cell in report.error_map
+    ]
+    named = {o.case: f"case {o.case}" for o in report.coherence.outliers}
+    smooth = coherence_figure(report.coherence.roughness.ravel(), THRESHOLD, named)
+    folder.mkdir(parents=True, exist_ok=True)
+    (folder / "coherence.png").write_bytes(image_bytes(smooth))
+    (folder / "error_map.png").write_bytes(image_bytes(error_map_figure(bars)))
+
+
+@app.command()
+def refine(
+    path: DatabaseArgument,
+    output: Annotated[
+        Path | None, typer.Option(help="Database to write; by default NAME-refined.h5 beside it.")
+    ] = None,
+    parameter: Annotated[
+        str | None, typer.Option(help="Axis to refine, by default where a point pays most.")
+    ] = None,
+    jobs: Jobs = CORES,
+    as_json: Json = False,
+) -> None:
+    """Add the point that pays most to the grid; solved cases are kept. Run again to resume."""
+    from database.refine import refine as refine_database
+
+    target = output or path.with_name(f"{path.stem}-refined{path.suffix}")
+    with _told(), progress("refining", 1) as advance:
+        report = refine_database(path, target, parameter=parameter, n_jobs=jobs)
+        advance(1)
+    built = report.build
+    if as_json:
+        numbers = {k: str(v) if isinstance(v, Path) else v for k, v in vars(built).items()}
+        cell = {**asdict(report.cell), "gain_per_case": report.cell.gain_per_case}
+        _print_json({**asdict(report), "cell": cell, "build": numbers})
+    else:
+        out.print(
+            f"{target}: {report.cell.key} with one more point at {report.offset:g}, which takes away "
+            f"{100 * report.cell.gain:.0f} % of the interpolation error; {report.reused} cases kept, "
+            f"{report.solved_anew} new, {built.solved} of {built.cases} solved in "
+            f"{built.seconds:.1f} s"
+        )
+        for failure in built.failures:
+            error_out.print(f"not solved: {_escaped(failure)}")
+    if built.solved < built.cases:
+        raise typer.Exit(1)
 
 
 def _interpolation_table(report: Any) -> Table:
@@ -365,40 +474,54 @@ def guide(
     speed: Annotated[float | None, _entry_option("m/s")] = None,
     flight_path_angle_deg: Annotated[float | None, _entry_option("deg")] = None,
     azimuth_deg: Annotated[float | None, _entry_option("deg")] = None,
+    parameter: Annotated[
+        list[str] | None,
+        typer.Option("--parameter", "-p", help="Any parameter of the database, KEY=VALUE."),
+    ] = None,
     mode: Annotated[str, typer.Option(help="ampi, mpi, quadratic or nominal.")] = "ampi",
     table: Annotated[Path | None, typer.Option("--csv", help="Write the reference as CSV.")] = None,
     plot: Annotated[Path | None, typer.Option(help="Draw it (PNG, PDF, SVG).")] = None,
+    as_json: Json = False,
 ) -> None:
-    """One entry state → the reference that the tracker flies."""
+    """Measured parameters → the reference that the tracker flies."""
     from ampi.dataset import read_dataset
     from ampi.loading import load_guidance
+    from ampi.missions.parameters import measured_values
 
     with _told():
         loaded = read_dataset(path).mission
-        entry = loaded.entry_state.copy()
-        given = (
-            altitude_km,
-            longitude_deg,
-            latitude_deg,
-            speed,
-            flight_path_angle_deg,
-            azimuth_deg,
-        )
-        factors = (1e3, np.pi / 180, np.pi / 180, 1.0, np.pi / 180, np.pi / 180)
-        for i, (value, factor) in enumerate(zip(given, factors, strict=True)):
-            if value is not None and not np.isfinite(value):
-                raise ValueError(
-                    f"entry state: expected a finite {ENTRY_STATES[i].replace('_', ' ')}, got {value}"
-                )
-            entry[i] = entry[i] if value is None else value * factor
-        reference = load_guidance(path, mode=mode).reference(entry)
+        options = {
+            "altitude_km": altitude_km,
+            "longitude_deg": longitude_deg,
+            "latitude_deg": latitude_deg,
+            "speed_m_per_s": speed,
+            "flight_path_angle_deg": flight_path_angle_deg,
+            "azimuth_deg": azimuth_deg,
+        }
+        given = {key: value for key, value in options.items() if value is not None}
+        given |= dict(_key_and_value(text) for text in parameter or [])
+        measured = measured_values(loaded, loaded.parameters, given)
+        reference = load_guidance(path, mode=mode).reference(measured)
         if table is not None:
             _write_csv(table, reference.times, reference.states, reference.bank_rate)
         if plot is not None:
             from ampi.report.single import reference_figure
 
             reference_figure(loaded, reference).savefig(plot, dpi=130)
-    outside = [n for n, c in zip(ENTRY_STATES, reference.clipped, strict=True) if c]
+    outside = [p.name for p, c in zip(loaded.parameters, reference.clipped, strict=True) if c]
+    if as_json:
+        _print_json(
+            {
+                "parameters": dict(
+                    zip([p.name for p in loaded.parameters], measured.tolist(), strict=True)
+                ),
+                "cell": reference.cell,
+                "outside": outside,
+                "final_time_s": reference.final_time,
+                "bank_angle_at_entry_deg": float(np.degrees(reference.states[6, 0])),
+            }
+        )
+        return
     cell = ", ".join(str(i) for i in reference.cell)
     out.print(
         f"cell ({cell}), final time {reference.final_time:.2f} s, bank angle at entry "
@@ -406,6 +529,14 @@ def guide(
     )
     if outside:
         out.print(f"outside the hypercube in {', '.join(outside)}: boundary trajectory")
+
+
+def _key_and_value(text: str) -> tuple[str, float]:
+    key, _, value = text.partition("=")
+    try:
+        return key.strip(), float(value)
+    except ValueError:
+        raise ValueError(f"--parameter: expected KEY=NUMBER, got {text!r}") from None
 
 
 @app.command()

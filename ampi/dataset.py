@@ -37,7 +37,7 @@ from ampi.trajectory import Statistics, Status, Trajectory
 
 Array = NDArray[np.float64]
 
-SCHEMA_VERSION = 1
+SCHEMA_VERSION = 2  # 1: six parameter axes always, those of one point included
 DIGEST = "content_sha256"
 ROW_NUMBERS = 2**20  # of a dataset, read at once for its digest
 SEAL_BYTES = 512  # the smallest HDF5 user block; readers skip it
@@ -211,8 +211,9 @@ def check_whole(file: h5py.File, path: Path) -> None:
         raise DatasetError(f"{path}: an HDF5 file, but not a trajectory database")
     if int(version) != SCHEMA_VERSION:
         raise DatasetError(
-            f"{path}: schema version {version}, this ampi reads version {SCHEMA_VERSION}; "
-            f"the file was written by ampi {file.attrs.get('ampi_version', '?')}"
+            f"{path}: schema version {version}, this ampi reads version {SCHEMA_VERSION}; read it "
+            f"with the ampi that wrote it, {file.attrs.get('ampi_version', '?')} (git revision "
+            f"{file.attrs.get('git_revision', '?')}), or build it anew from its mission"
         )
     if not seal_holds(path) or file.attrs.get(DIGEST) != content_digest(file):
         raise DatasetError(
@@ -296,7 +297,7 @@ def write_dataset(
     *,
     names: tuple[str, ...],
     axes: tuple[Array, ...],
-    axis_units: Mapping[str, str],
+    axis_units: tuple[str, ...],
     scales: Mapping[str, NDArray[Any]],
     values: Mapping[str, NDArray[Any]],
     block_shape: tuple[int, ...],
@@ -342,11 +343,11 @@ def _write_scales(
     file: h5py.File,
     names: tuple[str, ...],
     axes: tuple[Array, ...],
-    axis_units: Mapping[str, str],
+    axis_units: tuple[str, ...],
     scales: Mapping[str, NDArray[Any]],
 ) -> None:
-    for name, axis in zip(names, axes, strict=True):
-        _write_scale(file, f"axis_{name}", axis, name, axis_units[name], f"entry {name}")
+    for name, axis, unit in zip(names, axes, axis_units, strict=True):
+        _write_scale(file, f"axis_{name}", axis, name, unit, f"parameter axis: {name}")
     for name, values in scales.items():
         _write_scale(file, name, values, name, "1", f"{name} labels")
 

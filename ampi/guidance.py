@@ -26,7 +26,7 @@ class Health(IntEnum):
     """What the vehicle management should know."""
 
     GOOD = 0
-    BOUNDARY_REFERENCE = 1  # the entry state lies outside the hypercube
+    BOUNDARY_REFERENCE = 1  # the parameters lie outside the hypercube
     BAD_NAVIGATION = 2  # an input is no number: the reference's own bank rate is commanded
     AFTER_FINAL_TIME = 3  # the reference has ended: the bank angle is held
 
@@ -64,12 +64,12 @@ class Guidance:
         """The same table flown in another mode."""
         return _restored(self.table, self.limits, mode, self.cycle, self.mission_sha256)
 
-    def reference(self, entry_state: ArrayLike) -> Reference:
-        """Reference for a measured entry state (h, θ, φ, V, γ, ψ; m, rad, m/s).
+    def reference(self, parameters: ArrayLike) -> Reference:
+        """Reference for the measured parameters p (d,) of the table (SI, rad), in its order.
 
         Its arrays belong to the guidance and are overwritten by the next call; keep a `copy`.
         """
-        return self._generator.reference(entry_state)
+        return self._generator.reference(parameters)
 
     def command(
         self, reference: Reference, time: float, state: Array, bank_rate: float

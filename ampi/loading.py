@@ -30,7 +30,7 @@ def guidance_table(dataset: TrajectoryDataset) -> GuidanceTable:
             f"{len(missing)} of {dataset.solved.size} cases have no solution, the first is case "
             f"{first}: {message}. A table with holes cannot fly"
         )
-    nominal = dataset.mission.entry_state
+    nominal = dataset.mission.nominal_parameters
     return GuidanceTable(
         axes=dataset.axes,
         values=np.concatenate(

@@ -1,12 +1,15 @@
 """Is the database true, and what does interpolating it cost?
 
-`audit` answers three questions with numbers of its own making, not with those stored in the file:
+`audit` answers five questions with numbers of its own making, not with those stored in the file:
 
 1. Truth. Every case is flown again by DOP853 under its own bank angle (ampi.simulation.reintegration).
 2. Limits. On that flight the path constraints are read on a 1 s grid, between the nodes.
 3. Interpolation. At random points of the hypercube the reference of each guidance mode is compared
    with the optimal control problem solved there: greatest error over the nodes of the flight, and the
    miss distance when the interpolated bank angle is flown open loop to the interpolated final time.
+4. Coherence. Second differences over the grid name the cases of another branch (database.coherence).
+5. Error map. Which cell of which axis interpolates worst, and where one more point would pay most
+   (database.error_map).
 """
 
 from __future__ import annotations
@@ -21,13 +24,18 @@ from numpy.typing import NDArray
 
 from ampi.dataset import TrajectoryDataset
 from ampi.loading import guidance_table
+from ampi.missions.family import MissionFamily
 from ampi.missions.mission import Mission
 from ampi.onboard.reference import Mode, ReferenceGenerator
 from ampi.onboard.table import RATE_ROW, STATE_ROWS, GuidanceTable
+from ampi.physics.path_constraints import PATH_CONSTRAINTS
 from ampi.physics.planet import great_circle_distance
 from ampi.scp.solve import solve
 from ampi.simulation.reintegration import reintegrate_many
 from ampi.trajectory import Status, Trajectory
+from database.coherence import ROWS, THRESHOLD, Coherence, coherence
+from database.error_map import CellError, error_map
+from database.grid import Grid
 
 Array = NDArray[np.float64]
 
@@ -57,6 +65,17 @@ class Quantity:
         )
 
 
+@dataclass(frozen=True, eq=False)
+class PerCase:
+    """Every solved case on its own; c of them."""
+
+    case: NDArray[np.int64]  # (c,)
+    position_error_m: Array  # (c,), greatest along the flight
+    altitude_error_m: Array  # (c,)
+    speed_error_m_per_s: Array  # (c,)
+    limits_used: Array  # (c, 3), greatest path constraint over its limit, between the nodes
+
+
 @dataclass(frozen=True)
 class AuditReport:
     """The answers."""
@@ -70,10 +89,22 @@ class AuditReport:
     probes: int
     unsolved_probes: int
     interpolation: dict[str, dict[str, Quantity]]  # mode → column → error
+    coherence: Coherence
+    error_map: tuple[CellError, ...]
+    per_case: PerCase
 
     def as_dict(self) -> dict[str, Any]:
         """Plain numbers for JSON."""
-        return asdict(self)
+        numbers = asdict(self)
+        smooth = numbers["coherence"]
+        for key in ("scale", "worst"):
+            smooth[key] = dict(zip(ROWS, getattr(self.coherence, key).tolist(), strict=True))
+        smooth["roughness"] = self.coherence.roughness.ravel().tolist()
+        smooth["threshold"] = THRESHOLD
+        for cell, plain in zip(self.error_map, numbers["error_map"], strict=True):
+            plain["gain_per_case"] = cell.gain_per_case
+        numbers["per_case"] = {k: v.tolist() for k, v in vars(self.per_case).items()}
+        return numbers
 
 
 def audit(
@@ -100,49 +131,49 @@ def audit(
     if probes < 0:
         raise ValueError(f"probes: expected a non-negative number, got {probes}")
     notify = advance or (lambda count: None)
-    position, altitude, speed, peak = _fly_again(dataset, notify)
+    flown = _fly_again(dataset, notify)
+    peak = flown.limits_used.max(axis=0, initial=0.0)
     errors, unsolved = _probe(dataset, probes, seed, n_jobs, notify)
-    names = ("dynamic_pressure", "heat_flux", "load_factor")
     return AuditReport(
         cases=int(dataset.status.size),
         statuses={
             s.name: int(np.sum(dataset.status == int(s))) for s in Status if s in dataset.status
         },
-        position_error=Quantity.of(position),
-        altitude_error=Quantity.of(altitude),
-        speed_error=Quantity.of(speed),
-        limits={n: float(v) for n, v in zip(names, peak, strict=True)},
+        position_error=Quantity.of(flown.position_error_m),
+        altitude_error=Quantity.of(flown.altitude_error_m),
+        speed_error=Quantity.of(flown.speed_error_m_per_s),
+        limits={n: float(v) for n, v in zip(PATH_CONSTRAINTS, peak, strict=True)},
         probes=probes,
         unsolved_probes=unsolved,
         interpolation={
             mode.value: {c: Quantity.of(errors[mode.value][:, i]) for i, c in enumerate(COLUMNS)}
             for mode in MODES
         },
+        coherence=coherence(dataset),
+        error_map=error_map(dataset, n_jobs=n_jobs, seed=seed),
+        per_case=flown,
     )
 
 
-def _fly_again(
-    dataset: TrajectoryDataset, notify: Callable[[int], None]
-) -> tuple[Array, Array, Array, Array]:
+def _fly_again(dataset: TrajectoryDataset, notify: Callable[[int], None]) -> PerCase:
     mission = dataset.mission
     n = dataset.states.shape[-1]
+    points = Grid.from_mission(mission).points()
     good = np.flatnonzero(dataset.solved.ravel())
     states = dataset.states.reshape(-1, 7, n)[good]
     final_time = dataset.final_time.ravel()[good]
-    found: list[tuple[Array, Array, Array]] = []
-    peak = np.zeros(3)
+    errors, peak = np.zeros((3, len(good))), np.zeros((len(good), 3))
     for i in range(0, len(good), CHUNK):
         part = slice(i, i + CHUNK)
+        family = mission.family(points[good[part]])
         check = reintegrate_many(
-            mission, mission.pseudospectral_mesh, states[part], final_time[part]
+            family, mission.pseudospectral_mesh, states[part], final_time[part]
         )
-        found.append((check.position_error, check.altitude_error, check.speed_error))
-        peak = np.maximum(peak, check.peak.max(axis=0))
+        errors[:, part] = check.position_error, check.altitude_error, check.speed_error
+        peak[part] = check.peak
         notify(len(final_time[part]))
-    if not found:
-        return np.empty(0), np.empty(0), np.empty(0), peak
-    position, altitude, speed = (np.concatenate(v) for v in zip(*found, strict=True))
-    return position, altitude, speed, peak
+    position, altitude, speed = errors
+    return PerCase(good, position, altitude, speed, peak)
 
 
 def _probe(
@@ -174,7 +205,7 @@ def _probe(
 
 def _probe_point(mission: Mission, table: GuidanceTable, point: Array) -> dict[str, Array] | None:
     """Errors of every mode at one point; None if the problem there could not be solved."""
-    here = mission.with_entry(point)
+    here = mission.with_parameters(point)
     nodal = {mode: nodal_reference(table, mode, point) for mode in MODES}
     states, rate, final_time = nodal[Mode.AMPI]
     mesh = mission.pseudospectral_mesh
@@ -200,7 +231,11 @@ def _errors(mission: Mission, truth: Trajectory, states: Array, final_time: floa
     flown = states.copy()
     flown[:6, 0] = mission.entry_state
     end = reintegrate_many(
-        mission, mission.pseudospectral_mesh, flown[None], np.array([final_time]), np.inf
+        MissionFamily((mission,)),
+        mission.pseudospectral_mesh,
+        flown[None],
+        np.array([final_time]),
+        np.inf,
     ).states[0, :, -1]
     target = mission.target
     miss = great_circle_distance(

@@ -19,6 +19,7 @@ from ampi.dataset import FIELDS
 from ampi.missions.mission import Mission
 from ampi.simulation.reintegration import reintegrate_many
 from database.gains import GainSettings, vertex_gains
+from database.grid import Grid
 from database.records import CaseRecord
 
 Array = NDArray[np.float64]
@@ -88,8 +89,11 @@ def assemble(
     }
     peak = np.full((cases, 3), np.nan)
     if good.any():
-        gains[good] = vertex_gains(mission, mesh, states[good], final_time[good], settings)
-        check = reintegrate_many(mission, mesh, states[good], final_time[good])
+        grid = Grid.from_mission(mission)
+        solved = [r.case for r in records if r.trajectory.status.ok]
+        family = mission.family([grid.point(case) for case in solved])
+        gains[good] = vertex_gains(family, mesh, states[good], final_time[good], settings)
+        check = reintegrate_many(family, mesh, states[good], final_time[good])
         for name, values in errors.items():
             values[good] = getattr(check, name)
         peak[good] = check.peak

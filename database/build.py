@@ -16,7 +16,7 @@ import json
 import pickle
 import shutil
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
@@ -24,11 +24,11 @@ from typing import Any
 
 import numpy as np
 
-from ampi.dataset import partial_folder, stored_mission
+from ampi.dataset import TrajectoryDataset, partial_folder, stored_mission
 from ampi.missions.mission import Mission
 from ampi.scp.exact_hessian import SolverSettings
 from ampi.scp.solve import solve
-from ampi.trajectory import Status
+from ampi.trajectory import Status, Trajectory
 from database.blocks import Block, blocks
 from database.continuation import layers
 from database.engines import ClusterEngine, Engine, LocalEngine
@@ -52,6 +52,7 @@ from database.records import (
     load_record,
     read_fingerprint,
     record_path,
+    save_record,
     write_fingerprint,
 )
 from database.schedule import run_jobs
@@ -79,6 +80,20 @@ class BuildReport:
     worst_limit: float  # greatest path constraint over its limit, between the nodes
 
 
+@dataclass(frozen=True, eq=False)
+class KnownCase:
+    """An optimum that a build need not find again."""
+
+    trajectory: Trajectory
+    message: str  # how it was solved
+
+    @classmethod
+    def of(cls, dataset: TrajectoryDataset, case: int) -> KnownCase:
+        """A case of an existing database."""
+        message = dataset.message.ravel()[case].decode("utf-8", "replace")
+        return cls(dataset.trajectory(case), message)
+
+
 def build(
     mission: Mission,
     path: str | Path,
@@ -89,6 +104,7 @@ def build(
     time_limit: float = TIME_LIMIT,
     gains: GainSettings | None = None,
     solver: Solver = solve,
+    known: Mapping[int, KnownCase] | None = None,
     advance: Callable[[int], None] | None = None,
 ) -> BuildReport:
     """Solve the mission's grid and write the trajectory database.
@@ -114,6 +130,9 @@ def build(
         Weights of the tracking gains.
     solver
         The optimiser, a function of a module: another one to measure the runner by itself.
+    known
+        Optima by case that are kept instead of solved, where the folder has no record yet: of a coarser
+        grid, or of a database repaired.
     advance
         Called with the number of cases just finished.
 
@@ -143,6 +162,10 @@ def build(
         if not resume:
             discard_records(folder)
         _claim(folder, campaign)
+        for case, optimum in (known or {}).items():
+            if load_record(folder, case, mission) is None:
+                record = CaseRecord(case, optimum.trajectory, optimum.message, 0, 0.0)
+                save_record(folder, record)
         engine = LocalEngine(n_jobs) if client is None else ClusterEngine(client)
         return _Build(campaign, path, engine, advance or (lambda count: None)).run()
 

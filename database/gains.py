@@ -16,7 +16,8 @@ entry and target is a means, and an interpolated one is not quite a flight; hold
 its defects on to the target.
 
 The sweep is an exact discrete-time recursion on a fine grid that contains the nodes, with zero-order
-hold in u over steps of at most `STEP` seconds; all cases of a batch at once.
+hold in u over steps of at most `STEP` seconds. Cases of about equal final time share one grid and are
+swept at once; the grid depends on the case alone, so its gains do not depend on its company.
 
 References
 ----------
@@ -30,8 +31,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ampi.missions.mission import Mission
-from ampi.physics.equations_of_motion import equations_of_motion
+from ampi.missions.family import MissionFamily
+from ampi.physics.equations_of_motion import FlightModel, equations_of_motion
 from ampi.pseudospectral.lagrange import interpolation_matrix
 from ampi.pseudospectral.mesh import Mesh, Segment
 from ampi.scp.derivatives import scaled_dynamics
@@ -39,7 +40,10 @@ from ampi.scp.node_functions import NodeFunctions
 
 Array = NDArray[np.float64]
 
-STEP = 1.0  # s
+STEP = 0.75  # s
+HORIZON = (
+    50.0  # s: flights are swept together whose final times round up to the same multiple of it
+)
 DEGREE = float(np.pi / 180.0)
 
 
@@ -54,26 +58,47 @@ class GainSettings:
 
 
 def vertex_gains(
-    mission: Mission, mesh: Mesh, states: Array, final_time: Array, settings: GainSettings
+    family: MissionFamily, mesh: Mesh, states: Array, final_time: Array, settings: GainSettings
 ) -> Array:
     """K at the nodes, (c, 7, n), of trajectories `states` (c, 7, n), `final_time` (c,).
 
     Row i multiplies the error of state i (SI, rad); the command is u_ref − K · δx (rad/s).
     """
-    cases, n = len(states), mesh.n_nodes
-    gains = np.zeros((cases, 7, n))
-    longest = float(final_time.max())
-    fine = [
-        np.union1d(
-            np.linspace(-1.0, 1.0, int(np.ceil(2.0 * _half(s, longest) / STEP)) + 1), s.rule.nodes
-        )
-        for s in mesh.segments
-    ]
-    cost = _terminal_cost(mission, states, final_time, settings)
+    gains = np.zeros((len(states), 7, mesh.n_nodes))
+    horizon = HORIZON * np.ceil(final_time / HORIZON)
+    for longest in np.unique(horizon):
+        part = np.flatnonzero(horizon == longest)
+        alike = MissionFamily(tuple(family.missions[i] for i in part))
+        fine = [_fine_grid(s, float(longest)) for s in mesh.segments]
+        gains[part] = _sweep(alike, mesh, fine, states[part], final_time[part], settings)
+    return gains
+
+
+def _fine_grid(segment: Segment, final_time: float) -> Array:
+    """τ of a segment: between nodes even steps, at most `STEP` long in a flight of `final_time`."""
+    half = segment.half_length[0] + segment.half_length[1] * final_time
+    nodes = segment.rule.nodes
+    counts = np.ceil(half * np.diff(nodes) / STEP).astype(int)
+    gaps = zip(nodes[:-1], nodes[1:], counts, strict=True)
+    return np.concatenate([*(np.linspace(*gap, endpoint=False) for gap in gaps), nodes[-1:]])
+
+
+def _sweep(
+    family: MissionFamily,
+    mesh: Mesh,
+    fine: list[Array],
+    states: Array,
+    final_time: Array,
+    settings: GainSettings,
+) -> Array:
+    """Eq. (2) backwards over the fine grids of the segments."""
+    n = mesh.n_nodes
+    gains = np.zeros((len(states), 7, n))
+    cost = _terminal_cost(family, states, final_time, settings)
     rate_weight = 1.0 / (settings.bank_rate**2 * final_time)
     bank_weight = 1.0 / (settings.bank_deviation**2 * final_time)
     for s, tau in zip(reversed(mesh.segments), reversed(fine), strict=True):
-        jacobian, times = _jacobians(mission, s, tau, states, final_time)
+        jacobian, times = _jacobians(family, s, tau, states, final_time)
         on_node = np.searchsorted(tau, s.rule.nodes)
         node_at = {int(k): s.nodes.start + j for j, k in enumerate(on_node)}
         if s.nodes.stop == n:
@@ -88,20 +113,17 @@ def vertex_gains(
     return gains
 
 
-def _half(segment: Segment, final_time: float) -> float:
-    return segment.half_length[0] + segment.half_length[1] * final_time
-
-
 def _terminal_cost(
-    mission: Mission, states: Array, final_time: Array, settings: GainSettings
+    family: MissionFamily, states: Array, final_time: Array, settings: GainSettings
 ) -> Array:
     """S_f of Eq. (3), (c, 7, 7)."""
     final = states[:, :, -1]
     no_rate = np.zeros(len(final))
-    rate = np.stack(equations_of_motion(mission.flight_model, final.T, no_rate, final_time), axis=1)
+    model = family.flight_model()
+    rate = np.stack(equations_of_motion(model, final.T, no_rate, final_time), axis=1)
     project = np.tile(np.eye(7), (len(final), 1, 1))
     project[:, :, 3] -= rate / rate[:, 3:4]
-    radius = mission.flight_model.planet.equatorial_radius
+    radius = model.planet.equatorial_radius
     weight = np.zeros((len(final), 7))
     weight[:, 0] = 1.0 / settings.altitude_error**2
     weight[:, 1] = (radius * np.cos(final[:, 2]) / settings.horizontal_miss) ** 2
@@ -110,17 +132,23 @@ def _terminal_cost(
 
 
 def _jacobians(
-    mission: Mission, segment: Segment, tau: Array, states: Array, final_time: Array
+    family: MissionFamily, segment: Segment, tau: Array, states: Array, final_time: Array
 ) -> tuple[Array, Array]:
     """A (c, k, 7, 7) and times (c, k) at the fine points of a segment."""
     matrix = interpolation_matrix(segment.rule.nodes, segment.rule.barycentric, tau)
-    dynamics = scaled_dynamics(mission.flight_model, NodeFunctions(), (1.0,) * 7, 1.0, len(tau))
     start = segment.start[0] + segment.start[1] * final_time
     half = segment.half_length[0] + segment.half_length[1] * final_time
     times = start[:, None] + half[:, None] * (1.0 + tau)
     jacobian = np.empty((len(states), len(tau), 7, 7))
-    for case, (x, t) in enumerate(zip(states[:, :, segment.nodes], times, strict=True)):
-        jacobian[case] = dynamics.first(matrix @ x.T, np.zeros(len(tau)), t).state_jacobian
+    cases: dict[FlightModel, list[int]] = {}  # a model is traced once, then serves all its cases
+    for case, mission in enumerate(family.missions):
+        cases.setdefault(mission.flight_model, []).append(case)
+    for model, alike in cases.items():
+        dynamics = scaled_dynamics(model, NodeFunctions(), (1.0,) * 7, 1.0, len(tau))
+        for case in alike:
+            x = matrix @ states[case, :, segment.nodes].T
+            found = dynamics.first(x, np.zeros(len(tau)), times[case])
+            jacobian[case] = found.state_jacobian
     return jacobian, times
 
 

@@ -7,35 +7,41 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ampi.missions.mission import ENTRY_STATES, Mission
+from ampi.missions.mission import Mission
 
 Array = NDArray[np.float64]
-
-UNITS = {
-    "altitude": "m",
-    "longitude": "rad",
-    "latitude": "rad",
-    "speed": "m/s",
-    "flight_path_angle": "rad",
-    "azimuth": "rad",
-}
 
 
 @dataclass(frozen=True, eq=False)
 class Grid:
-    """Axes of p and its grid points in C order. Here p is the entry state."""
+    """Axes of p (SI, rad) and its grid points in C order."""
 
     names: tuple[str, ...]
+    units: tuple[str, ...]
     axes: tuple[Array, ...]
     centre: tuple[int, ...]  # index of the nominal value on each axis
 
     @classmethod
     def from_mission(cls, mission: Mission) -> Grid:
-        """The grid that the mission file declares."""
-        axes = mission.grid_axes
-        nominal = mission.entry_state
-        centre = tuple(int(np.argmin(np.abs(a - x))) for a, x in zip(axes, nominal, strict=True))
-        return cls(ENTRY_STATES, axes, centre)
+        """The grid that the mission file declares.
+
+        Raises
+        ------
+        ValueError
+            If the mission disperses nothing.
+        """
+        parameters = mission.parameters
+        if not parameters:
+            raise ValueError(
+                f"{mission.name}: expected a [grid] with at least one axis of two or more points, "
+                "got none; add one, such as speed_m_per_s = [-70.0, 0.0, 70.0]"
+            )
+        return cls(
+            names=tuple(p.name for p in parameters),
+            units=tuple(p.number.unit for p in parameters),
+            axes=tuple(p.axis for p in parameters),
+            centre=tuple(p.offsets.index(0.0) for p in parameters),
+        )
 
     @property
     def shape(self) -> tuple[int, ...]:
@@ -51,6 +57,10 @@ class Grid:
         """Parameters of grid point `case`."""
         index = np.unravel_index(case, self.shape)
         return np.array([axis[i] for axis, i in zip(self.axes, index, strict=True)])
+
+    def points(self) -> Array:
+        """Parameters of every grid point, (c, d)."""
+        return np.stack(np.meshgrid(*self.axes, indexing="ij"), axis=-1).reshape(self.size, -1)
 
     def describe(self, case: int) -> str:
         """Grid indices of a case, for logs."""

@@ -255,7 +255,7 @@ def path_to(mission: Mission, grid: Grid, case: int, attempt: Attempt) -> list[M
     goal = grid.point(case)
     origin = goal if attempt.neighbour is None else grid.point(attempt.neighbour)
     return [
-        mission.with_entry(origin + (goal - origin) * (k / attempt.steps))
+        mission.with_parameters(origin + (goal - origin) * (k / attempt.steps))
         for k in range(1, attempt.steps + 1)
     ]
 

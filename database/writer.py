@@ -22,7 +22,7 @@ from ampi.pseudospectral.mesh import Mesh
 from ampi.scp.exact_hessian import SolverSettings
 from database.blocks import Block, block_shape
 from database.gains import GainSettings
-from database.grid import UNITS, Grid
+from database.grid import Grid
 from database.jobs import Campaign, solver_name
 
 Array = NDArray[np.float64]
@@ -64,7 +64,7 @@ def write_database(
         path,
         names=grid.names,
         axes=grid.axes,
-        axis_units=UNITS,
+        axis_units=grid.units,
         scales={
             "state": np.array(STATES, dtype="S20"),
             "limit": np.array(PATH_CONSTRAINTS, dtype="S20"),

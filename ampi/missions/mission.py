@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from importlib import resources
@@ -16,6 +16,15 @@ from numpy.typing import ArrayLike, NDArray
 from pydantic import Field, ValidationError, field_validator, model_validator
 
 from ampi.missions import units as u
+from ampi.missions.family import MissionFamily
+from ampi.missions.parameters import (
+    ENTRY_STATES,
+    Parameter,
+    check_value,
+    moved,
+    parameter_values,
+    resolve,
+)
 from ampi.missions.units import Dimension, Number, Section
 from ampi.physics.aerodynamics import (
     Aerodynamics,
@@ -31,7 +40,7 @@ from ampi.physics.vehicle import AngleOfAttackSchedule, Vehicle
 from ampi.pseudospectral.mesh import Mesh, Phase
 
 LATE = 1e4  # s: after any angle-of-attack manoeuvre
-ENTRY_STATES = ("altitude", "longitude", "latitude", "speed", "flight_path_angle", "azimuth")
+MODEL_SECTIONS = ("planet", "atmosphere", "vehicle")  # what the flight model is made of
 
 
 class MissionError(ValueError):
@@ -70,9 +79,10 @@ class PlanetSection(Section):
 
 
 class AtmosphereSection(Section):
-    """`us76`, or `exponential` with surface density (kg/m³) and scale height."""
+    """`us76`, or `exponential` with surface density (kg/m³) and scale height; a factor on either."""
 
     model: Literal["us76", "exponential"]
+    density_factor: Number = Field(default=1.0, gt=0)  # on the model's density, nominal 1
     surface_density: Number | None = Field(default=None, gt=0)
     scale_height: u.Length | None = None
 
@@ -82,7 +92,7 @@ class AtmosphereSection(Section):
             self.surface_density is None or self.scale_height is None
         ):
             raise ValueError("exponential needs surface_density (kg/m³) and scale_height_m")
-        given = self.model_fields_set - {"model"}
+        given = self.model_fields_set - {"model", "density_factor"}
         if self.model == "us76" and given:
             raise ValueError(f"us76 is complete in itself; remove {', '.join(sorted(given))}")
         return self
@@ -90,9 +100,11 @@ class AtmosphereSection(Section):
     def build(self) -> Atmosphere:
         """The physics object."""
         if self.surface_density is None or self.scale_height is None:
-            return StandardAtmosphere1976()
+            return StandardAtmosphere1976(density_factor=self.density_factor)
         return ExponentialAtmosphere(
-            surface_density=self.surface_density, scale_height=self.scale_height
+            surface_density=self.surface_density,
+            scale_height=self.scale_height,
+            density_factor=self.density_factor,
         )
 
 
@@ -155,6 +167,8 @@ class VehicleSection(Section):
     heat_flux_constant: Number = Field(gt=0)
     heat_flux_speed_exponent: Number = Field(default=3.0, ge=1, le=4)
     load_factor: Literal["normal", "total"] = "normal"  # L cos α + D sin α, or √(L² + D²)
+    lift_factor: Number = Field(default=1.0, gt=0)  # on the model's lift coefficient, nominal 1
+    drag_factor: Number = Field(default=1.0, gt=0)  # on its drag coefficient, nominal 1
     aerodynamics: Annotated[
         ModifiedNewtonianSection | PolynomialSection | TableSection, Field(discriminator="model")
     ]
@@ -168,6 +182,8 @@ class VehicleSection(Section):
             heat_flux_constant=self.heat_flux_constant,
             heat_flux_speed_exponent=self.heat_flux_speed_exponent,
             load_factor=self.load_factor,
+            lift_factor=self.lift_factor,
+            drag_factor=self.drag_factor,
             aerodynamics=self.aerodynamics.build(),
             angle_of_attack=AngleOfAttackSchedule(**self.angle_of_attack.model_dump()),
         )
@@ -312,27 +328,41 @@ class MeshSection(Section):
 
 
 class GridSection(Section):
-    """Offsets from the nominal entry state, one strictly increasing axis per state, Eq. (9)."""
+    """Offsets from the nominal numbers, one strictly increasing axis per parameter, Eq. (9)."""
 
-    altitude: Annotated[tuple[Number, ...], Dimension("length")] = (0.0,)
-    longitude: Annotated[tuple[Number, ...], Dimension("angle")] = (0.0,)
-    latitude: Annotated[tuple[Number, ...], Dimension("angle")] = (0.0,)
-    speed: Annotated[tuple[Number, ...], Dimension("speed")] = (0.0,)
-    flight_path_angle: Annotated[tuple[Number, ...], Dimension("angle")] = (0.0,)
-    azimuth: Annotated[tuple[Number, ...], Dimension("angle")] = (0.0,)
+    # by key, in the unit of the key
+    offsets: dict[str, tuple[float, ...]] = Field(default_factory=dict)
 
-    @model_validator(mode="after")
-    def _axes_increase(self) -> GridSection:
-        for name in ENTRY_STATES:
-            axis = getattr(self, name)
+    @model_validator(mode="before")
+    @classmethod
+    def _axes_increase(cls, data: Any) -> Any:
+        if not isinstance(data, dict):
+            return data
+        offsets = dict(_leaves(data))
+        for key, axis in offsets.items():
+            if not isinstance(axis, list | tuple):
+                raise ValueError(f"{key}: expected a list of offsets, got {axis!r}")
+            for value in axis:
+                if isinstance(value, bool) or not isinstance(value, int | float):
+                    raise ValueError(f"{key}: expected a number, got {value!r}")
+                if not np.isfinite(value):
+                    raise ValueError(f"{key}: expected finite offsets, got {value}")
             if len(axis) == 0 or np.any(np.diff(axis) <= 0):
-                raise ValueError(f"{name}: expected strictly increasing offsets, got {list(axis)}")
-            if 0.0 not in axis:
+                raise ValueError(f"{key}: expected strictly increasing offsets, got {list(axis)}")
+            if 0 not in axis:
                 raise ValueError(
-                    f"{name}: expected an axis that contains 0, the nominal entry state, "
-                    f"got {list(axis)} (SI)"
+                    f"{key}: expected offsets that contain 0, the nominal value, got {list(axis)}"
                 )
-        return self
+        return {"offsets": offsets}
+
+
+def _leaves(table: Mapping[str, Any], path: str = "") -> Iterator[tuple[str, Any]]:
+    """Dotted path and value of every leaf: `target.longitude_deg` quoted or not, TOML allows both."""
+    for key, value in table.items():
+        if isinstance(value, dict):
+            yield from _leaves(value, f"{path}{key}.")
+        else:
+            yield f"{path}{key}", value
 
 
 class Mission(Section):
@@ -355,6 +385,19 @@ class Mission(Section):
 
     @model_validator(mode="after")
     def _parts_fit(self) -> Mission:
+        self._agrees()
+        for parameter, offset in ((p, o) for p in self.parameters for o in p.offsets if o != 0.0):
+            number = parameter.number
+            value = number.nominal + offset * number.per_unit
+            try:
+                check_value(self, number.path, value)
+                self._moved([(number.path, value)])._agrees()
+            except ValueError as error:
+                raise ValueError(f"grid.{parameter.key}: at offset {offset:g}: {error}") from None
+        return self
+
+    def _agrees(self) -> None:
+        """What no section can check alone."""
         _ = self.flight_model, self.pseudospectral_mesh.segments  # their own checks
         if self.target.speed >= self.entry.speed:
             raise ValueError(
@@ -365,7 +408,6 @@ class Mission(Section):
         at_target = [self.target.altitude, 0.0, 0.0, self.target.speed, 0.0, 0.0, 0.0]
         self._limits_hold_at("target", at_target, LATE)
         self._zones_are_clear()
-        return self
 
     def _limits_hold_at(self, place: str, state: list[float], time: float) -> None:
         values = path_constraints(self.flight_model, state, time)
@@ -407,12 +449,35 @@ class Mission(Section):
         """Nominal (h, θ, φ, V, γ, ψ) at the entry interface (m, rad, m/s)."""
         return np.array([getattr(self.entry, name) for name in ENTRY_STATES])
 
+    @cached_property
+    def parameters(self) -> tuple[Parameter, ...]:
+        """What the grid disperses: the d numbers of p, entry states first."""
+        return resolve(self, self.grid.offsets)
+
     @property
     def grid_axes(self) -> tuple[NDArray[np.float64], ...]:
-        """Entry-state values (not offsets) along each axis of the parameter space."""
-        return tuple(
-            np.array(getattr(self.grid, name)) + nominal
-            for name, nominal in zip(ENTRY_STATES, self.entry_state, strict=True)
+        """Values (not offsets; SI, rad) along each axis of the parameter space."""
+        return tuple(parameter.axis for parameter in self.parameters)
+
+    @property
+    def nominal_parameters(self) -> NDArray[np.float64]:
+        """The nominal p (d,), SI and radians."""
+        return np.array([parameter.number.nominal for parameter in self.parameters])
+
+    def with_parameters(self, values: ArrayLike) -> Mission:
+        """The same mission at another p (d,), SI and radians, in the order of `parameters`."""
+        given = parameter_values(self.parameters, values)
+        paths = [parameter.number.path for parameter in self.parameters]
+        return self._moved(list(zip(paths, given.tolist(), strict=True)))
+
+    def family(self, values: ArrayLike) -> MissionFamily:
+        """The mission at n vectors p (n, d), of any numbers whatever, for what works on many."""
+        rows = np.asarray(values, dtype=float)
+        paths = [parameter.number.path for parameter in self.parameters]
+        if rows.ndim != 2 or rows.shape[1] != len(paths):
+            raise ValueError(f"values: expected shape (n, {len(paths)}), got {rows.shape}")
+        return MissionFamily(
+            tuple(self._moved(list(zip(paths, row, strict=True))) for row in rows.tolist())
         )
 
     def with_entry(self, entry_state: ArrayLike) -> Mission:
@@ -420,10 +485,16 @@ class Mission(Section):
         values = np.asarray(entry_state, dtype=float)
         if values.shape != (6,) or not np.all(np.isfinite(values)):
             raise ValueError(f"entry_state: expected 6 finite numbers {ENTRY_STATES}, got {values}")
-        entry = EntrySection.model_construct(
-            **dict(zip(ENTRY_STATES, values.tolist(), strict=True))
-        )
-        return super().model_copy(update={"entry": entry})  # the model and the mesh stay
+        paths = [("entry", name) for name in ENTRY_STATES]
+        return self._moved(list(zip(paths, values.tolist(), strict=True)))
+
+    def _moved(self, values: list[tuple[tuple[str, ...], float]]) -> Mission:
+        """A copy with other numbers (SI), unchecked: they may stem from a measurement."""
+        sections: dict[str, Any] = {}
+        for path, value in values:
+            section = sections.get(path[0], getattr(self, path[0]))
+            sections[path[0]] = moved(section, path[1:], value)
+        return self.model_copy(update=sections)
 
     def with_mesh(self, mesh: Mesh) -> Mission:
         """The same mission on another pseudospectral mesh."""
@@ -437,10 +508,13 @@ class Mission(Section):
         return copied
 
     def model_copy(self, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> Self:
-        """A copy with other sections; what is derived from them is derived anew."""
+        """A copy with other sections; what is derived from those is derived anew."""
         copied = super().model_copy(update=update, deep=deep)
-        for derived in ("flight_model", "pseudospectral_mesh"):
-            copied.__dict__.pop(derived, None)
+        copied.__dict__.pop("parameters", None)
+        if any(getattr(copied, name) is not getattr(self, name) for name in MODEL_SECTIONS):
+            copied.__dict__.pop("flight_model", None)
+        if copied.mesh is not self.mesh:
+            copied.__dict__.pop("pseudospectral_mesh", None)
         return copied
 
 

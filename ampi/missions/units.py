@@ -71,8 +71,14 @@ def _convert(key: str, value: Any, factor: float) -> Any:
         raise ValueError(f"{key}: expected a number that fits a float") from None
 
 
-def _dimension(info: FieldInfo) -> Dimension | None:
-    """The dimension of a field, `Length` and `Length | None` alike."""
+def si_symbol(dimension: str) -> str:
+    """The SI unit of a dimension as it is printed: m/s, W/m2."""
+    symbol = next(unit for unit, factor in UNITS[dimension].items() if factor == 1.0)
+    return symbol.replace("_per_", "/").replace("per_", "1/")
+
+
+def dimension_of(info: FieldInfo) -> Dimension | None:
+    """The dimension of a field, `Length` and `Length | None` alike; None of a plain number."""
     marks = [*info.metadata, *(m for a in get_args(info.annotation) for m in get_args(a)[1:])]
     return next((mark for mark in marks if isinstance(mark, Dimension)), None)
 
@@ -89,7 +95,7 @@ class Section(BaseModel):
             return data
         data = dict(data)
         for name, info in cls.model_fields.items():
-            dimension = _dimension(info)
+            dimension = dimension_of(info)
             if dimension is None:
                 continue
             units = UNITS[dimension.name]

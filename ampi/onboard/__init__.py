@@ -1,1 +1,1 @@
-"""What flies, first half: entry state → Reference. numpy alone; no files; no exceptions in flight."""
+"""What flies, first half: parameters p → Reference. numpy alone; no files; no exceptions in flight."""

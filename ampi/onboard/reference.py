@@ -1,4 +1,4 @@
-"""From the measured entry state to the reference of this entry: AMPI, online part.
+"""From the measured parameters, the entry state above all, to the reference: AMPI, online part.
 
 subspace (Algorithm 1) → interpolation (Algorithm 2) → LD→HD, T̃_HD = T_LD P_FRP (Eq. (31)) and
 t̃ = a + b t_f (Eq. (33), phase by phase)
@@ -22,7 +22,7 @@ Array = NDArray[np.float64]
 class Mode(Enum):
     """How the reference is made."""
 
-    NOMINAL = "nominal"  # the hypercentre's optimum, whatever the entry state
+    NOMINAL = "nominal"  # the hypercentre's optimum, whatever the parameters
     MPI = "mpi"  # multilinear over the outer 2^d vertices
     AMPI = "ampi"  # multilinear over the selected 2^d cell
     QUADRATIC = "quadratic"  # order 3 in Eq. (16): three points per axis, same table
@@ -41,11 +41,11 @@ class Reference:
     gains: Array  # (7, m): rate command = bank_rate − gains · (state − reference state)
     final_time: float  # s
     cell: tuple[int, ...]  # first grid index on each axis
-    clipped: tuple[bool, ...]  # axes on which the entry state lies outside the hypercube
+    clipped: tuple[bool, ...]  # axes on which p lies outside the hypercube
 
     @property
     def inside(self) -> bool:
-        """Whether the entry state lies inside the hypercube."""
+        """Whether the parameters lie inside the hypercube."""
         return not any(self.clipped)
 
     def copy(self) -> Reference:
@@ -87,10 +87,21 @@ class ReferenceGenerator:
         """Low-density rows (15, n) of the last reference, before the conversion."""
         return self._low
 
-    def reference(self, entry_state: ArrayLike) -> Reference:
-        """Reference for a measured entry state (h, θ, φ, V, γ, ψ; m, rad, m/s)."""
+    def reference(self, parameters: ArrayLike) -> Reference:
+        """Reference for the measured parameters p (d,) of the table (SI, rad), in its order.
+
+        Raises
+        ------
+        ValueError
+            If p is not a vector of d numbers: a vehicle wired to another table, found on the ground.
+        """
         table = self.table
-        measured = np.asarray(entry_state, dtype=float)
+        measured = np.asarray(parameters, dtype=float)
+        if measured.shape != (len(table.axes),):
+            raise ValueError(
+                f"parameters: expected {len(table.axes)} numbers, one per axis of the table, "
+                f"got an array of shape {measured.shape}"
+            )
         first, clipped = [0] * len(table.axes), [False] * len(table.axes)
         for i, axis in enumerate(table.axes):
             first[i], clipped[i] = select_subspace(

@@ -47,10 +47,12 @@ class ExponentialAtmosphere:
     surface_density: float  # kg/m³
     scale_height: float  # m
     surface_gravity: float = 9.80665  # m/s², sets the temperature
+    density_factor: float = 1.0
 
     def density(self, altitude: Any) -> Any:
         """Density (kg/m³) at `altitude` (m)."""
-        return self.surface_density * np.exp(-altitude / self.scale_height)
+        density = self.surface_density * np.exp(-altitude / self.scale_height)
+        return self.density_factor * density
 
     def speed_of_sound(self, altitude: Any) -> Any:
         """Speed of sound (m/s): the same at every altitude."""
@@ -101,10 +103,11 @@ class StandardAtmosphere1976:
 
     log_density: SmoothTable = field(default_factory=lambda: _us76()[0], repr=False)
     temperature: SmoothTable = field(default_factory=lambda: _us76()[1], repr=False)
+    density_factor: float = 1.0
 
     def density(self, altitude: Any) -> Any:
         """Density (kg/m³) at geometric `altitude` (m)."""
-        return np.exp(self.log_density(altitude))
+        return self.density_factor * np.exp(self.log_density(altitude))
 
     def speed_of_sound(self, altitude: Any) -> Any:
         """Speed of sound (m/s), √(κ R T), at geometric `altitude` (m)."""

@@ -50,7 +50,7 @@ class AngleOfAttackSchedule:
         """Angle of attack (rad) at `time` (s) and `speed` (m/s)."""
         variable = time if self.variable == "time" else speed
         fraction = (variable - self.start) / (self.end - self.start)
-        if self.smoothing > 0.0:
+        if np.any(self.smoothing > 0.0):
             s2 = (self.smoothing / (self.end - self.start)) ** 2
             before, after = np.sqrt(fraction**2 + s2), np.sqrt((fraction - 1.0) ** 2 + s2)
             fraction = 0.5 * (1.0 + before - after)
@@ -72,9 +72,12 @@ class Vehicle:
     heat_flux_constant: float  # k_q; W/m² per (kg/m³)^½ (m/s)^exponent
     heat_flux_speed_exponent: float = 3.0
     load_factor: str = "normal"  # what the load factor measures; or "total"
+    lift_factor: float = 1.0  # on the lift coefficient of `aerodynamics`
+    drag_factor: float = 1.0  # on its drag coefficient
 
     def __post_init__(self) -> None:
-        for name in ("mass", "reference_area", "heat_flux_constant"):
+        positive = ("mass", "reference_area", "heat_flux_constant", "lift_factor", "drag_factor")
+        for name in positive:
             if getattr(self, name) <= 0:
                 raise ValueError(f"vehicle.{name}: must be positive, got {getattr(self, name)}")
         if self.load_factor not in ("normal", "total"):
@@ -104,8 +107,8 @@ def air_loads(
     lift_coefficient, drag_coefficient = aerodynamics.coefficients(angle_of_attack, mach)
     specific_pressure = 0.5 * density * speed * speed * (vehicle.reference_area / vehicle.mass)
     return AirLoads(
-        lift=specific_pressure * lift_coefficient,
-        drag=specific_pressure * drag_coefficient,
+        lift=specific_pressure * (vehicle.lift_factor * lift_coefficient),
+        drag=specific_pressure * (vehicle.drag_factor * drag_coefficient),
         density=density,
         angle_of_attack=angle_of_attack,
     )

@@ -109,8 +109,9 @@ def campaign_controls(mission: Mission, campaigns: Mapping[str, Flights]) -> Fig
     shown = compared(campaigns)
     labels = [q.label for q in CONTROL_QUANTITIES for _ in shown]
     figure, panels = panel_grid(labels, len(shown))
-    schedule = mission.flight_model.vehicle.angle_of_attack
     for column, (name, flights) in enumerate(shown.items()):
+        model = mission.family(flights.parameters).flight_model(trailing=1)
+        schedule = model.vehicle.angle_of_attack
         alive = np.where(np.isfinite(flights.states[:, 3]), 1.0, np.nan)
         values = (
             schedule(flights.times, flights.states[:, 3]) * alive,

@@ -10,6 +10,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from numpy.typing import NDArray
 
+from ampi.missions.family import MissionFamily
 from ampi.missions.mission import Mission
 from ampi.onboard.reference import Mode
 from ampi.onboard.table import RATE_ROW, STATE_ROWS, GuidanceTable
@@ -51,7 +52,7 @@ class HighDensityDatabase:
     times: Array  # (c, m), s
     states: Array  # (7, c, m); SI, rad
     bank_rate: Array  # (c, m), rad/s
-    nominal: int  # the case of the nominal entry state
+    nominal: int  # the case of the nominal parameters
 
     @classmethod
     def of(cls, table: GuidanceTable) -> HighDensityDatabase:
@@ -67,9 +68,15 @@ class HighDensityDatabase:
         )
 
 
+def table_family(mission: Mission, table: GuidanceTable) -> MissionFamily:
+    """The mission at every grid point of a table."""
+    points = np.stack(np.meshgrid(*table.axes, indexing="ij"), axis=-1)
+    return mission.family(points.reshape(-1, len(table.axes)))
+
+
 @house_style
 def database_states(mission: Mission, table: GuidanceTable) -> Figure:
-    """The six entry states of every optimum over time [Fig. 4]."""
+    """The first six states of every optimum over time [Fig. 4]."""
     database = HighDensityDatabase.of(table)
     figure, panels = panel_grid([q.label for q in ENTRY_QUANTITIES], 2)
     for axes, quantity, values in zip(panels, ENTRY_QUANTITIES, database.states[:6], strict=True):
@@ -82,7 +89,7 @@ def database_states(mission: Mission, table: GuidanceTable) -> Figure:
 def database_controls(mission: Mission, table: GuidanceTable) -> Figure:
     """Angle of attack, bank angle and bank rate of every optimum, with their limits [Fig. 5]."""
     database = HighDensityDatabase.of(table)
-    schedule = mission.flight_model.vehicle.angle_of_attack
+    schedule = table_family(mission, table).flight_model(trailing=1).vehicle.angle_of_attack
     values = (
         schedule(database.times, database.states[3]),
         database.states[6],
@@ -120,7 +127,8 @@ def database_ground_tracks(mission: Mission, table: GuidanceTable) -> Figure:
 def database_constraints(mission: Mission, table: GuidanceTable) -> Figure:
     """Dynamic pressure, heat flux and load factor of every optimum, with limits [Fig. 7]."""
     database = HighDensityDatabase.of(table)
-    values = path_constraints(mission.flight_model, database.states, database.times)
+    model = table_family(mission, table).flight_model(trailing=1)
+    values = path_constraints(model, database.states, database.times)
     figure, panels = panel_grid([q.label for q in PATH_QUANTITIES], 1)
     for axes, quantity, value, limit in zip(
         panels, PATH_QUANTITIES, values, path_limits(mission), strict=True

@@ -95,7 +95,7 @@ def mission_statement(mission: Mission, table: GuidanceTable) -> str:
         f"{target.latitude * DEGREES:.2f}° latitude, {target.longitude * DEGREES:.2f}° longitude, "
         f"{target.altitude * KILO:.1f} km altitude with {target.speed:.0f} m/s, steered by bank "
         f"angle alone. Guidance interpolates {table.final_time.size} optimal trajectories, stored "
-        f"at {table.conversion.shape[0]} nodes each, over {len(table.axes)} entry states."
+        f"at {table.conversion.shape[0]} nodes each, over {len(table.axes)} parameters."
     )
 
 

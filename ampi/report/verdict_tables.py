@@ -190,7 +190,7 @@ def _ratio(flights: Flights, baseline: Flights | None) -> Cell:
     """Area over nominal's with its interval, where both were flown on the same draws."""
     if baseline is None or flights is baseline:
         return Cell(NOTHING)
-    same = np.array_equal(flights.entry_states, baseline.entry_states)
+    same = np.array_equal(flights.parameters, baseline.parameters)
     if not same or np.count_nonzero(flights.reached & baseline.reached) < FEWEST_FOR_RATIO:
         return Cell(NOTHING)
     return Cell(str(footprint_ratio(flights, baseline)))

@@ -17,7 +17,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ampi.missions.mission import ENTRY_STATES, TARGET_WEIGHTS, Mission
+from ampi.missions.mission import TARGET_WEIGHTS, Mission
+from ampi.missions.parameters import ENTRY_STATES
 from ampi.physics.equations_of_motion import FlightModel
 from ampi.pseudospectral.mesh import Mesh
 from ampi.scp.node_functions import NodeFunctions

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ampi.guidance import Guidance
-from ampi.missions.mission import Mission
+from ampi.missions.family import MissionFamily
 from ampi.onboard.reference import Reference
 from ampi.physics.equations_of_motion import FlightModel, equations_of_motion
 from ampi.physics.path_constraints import path_constraints
@@ -65,39 +65,40 @@ class _StackedReferences:
     clipped: NDArray[np.bool_]
 
     @classmethod
-    def of(cls, guidance: Guidance, entry_states: Array) -> _StackedReferences:
+    def of(cls, guidance: Guidance, parameters: Array) -> _StackedReferences:
         m = guidance.table.conversion.shape[1]
-        n = len(entry_states)
+        n = len(parameters)
         times, rows, final = np.empty((n, m)), np.empty((n, 15, m)), np.empty(n)
         clipped = np.zeros(n, dtype=bool)
-        for i, entry in enumerate(entry_states):
-            r: Reference = guidance.reference(entry)
+        for i, measured in enumerate(parameters):
+            r: Reference = guidance.reference(measured)
             times[i], final[i], clipped[i] = r.times, r.final_time, not r.inside
             rows[i, :7], rows[i, 7], rows[i, 8:] = r.states, r.bank_rate, r.gains
         return cls(times, rows, final, clipped)
 
 
 def fly_batch(
-    mission: Mission, guidance: Guidance, entry_states: Array, record_every: float = 5.0
+    family: MissionFamily, guidance: Guidance, parameters: Array, record_every: float = 5.0
 ) -> FlightBatch:
-    """Fly the entries `entry_states` (n, 6) in closed loop."""
+    """Fly each mission of `family` in closed loop; guidance is told p = `parameters` (n, d)."""
     with np.errstate(all="ignore"):  # an absurd entry is a record with a status, not a warning
-        return _fly(mission, guidance, entry_states, record_every)
+        return _fly(family, guidance, parameters, record_every)
 
 
 def _fly(
-    mission: Mission, guidance: Guidance, entry_states: Array, record_every: float
+    family: MissionFamily, guidance: Guidance, parameters: Array, record_every: float
 ) -> FlightBatch:
-    n, cycle, model = len(entry_states), guidance.cycle, mission.flight_model
-    references = _StackedReferences.of(guidance, entry_states)
+    n, cycle, model = len(parameters), guidance.cycle, family.flight_model()
+    entry_states, target_speed = family.entry_states, family.target("speed")
+    references = _StackedReferences.of(guidance, parameters)
     flight = np.arange(n)
     x = np.concatenate([entry_states.T, references.rows[:, 6, 0][None, :]])
     rate, pointer = references.rows[:, 7, 0].copy(), np.zeros(n, dtype=np.intp)
     final, final_time = np.full((n, 7), np.nan), np.full(n, np.nan)
     status = np.full(n, int(FlightStatus.TIME_LIMIT))
     peak = np.zeros((3, n))
-    finite = np.all(np.isfinite(entry_states), axis=1)
-    flying = finite & (entry_states[:, 3] > mission.target.speed)
+    finite = np.all(np.isfinite(parameters), axis=1) & np.all(np.isfinite(entry_states), axis=1)
+    flying = finite & (entry_states[:, 3] > target_speed)
     slow = finite & ~flying
     final[slow], final_time[slow] = x[:, slow].T, 0.0
     status[slow] = int(FlightStatus.STARTED_SLOW)
@@ -116,11 +117,9 @@ def _fly(
             record.append(_snapshot(time, x, at, rate, flying))
         new_rate = limited_rate(guidance.limits, x[6], rate, wanted, cycle)
         ahead = _rk4(model, x, rate, new_rate, time, cycle)
-        ended = flying & ~(ahead[3] > mission.target.speed)
+        ended = flying & ~(ahead[3] > target_speed)
         if ended.any():
-            _finish(
-                mission, ended, x, ahead, rate, new_rate, time, cycle, final, final_time, status
-            )
+            _finish(family, ended, x, ahead, rate, new_rate, time, cycle, final, final_time, status)
         grounded = flying & ~ended & (ahead[0] < 0.0)
         final[grounded], final_time[grounded] = ahead[:, grounded].T, time + cycle
         status[grounded] = int(FlightStatus.GROUND)
@@ -181,7 +180,7 @@ def _rk4(
 
 
 def _finish(
-    mission: Mission,
+    family: MissionFamily,
     ended: NDArray[np.bool_],
     x: Array,
     ahead: Array,
@@ -194,16 +193,17 @@ def _finish(
     status: NDArray[np.int64],
 ) -> None:
     """Locate the target speed inside the step, each guess with its own RK4 step."""
-    target = mission.target.speed
     for i in np.flatnonzero(ended):
         if not np.all(np.isfinite(ahead[:, i])):
             final_time[i], status[i] = time, int(FlightStatus.NOT_FINITE)
             continue
+        model = family.missions[i].flight_model
+        target = family.missions[i].target.speed
         begin, old, slope = x[:, i : i + 1], rate[i : i + 1], new_rate[i] - rate[i]
         low, high = 0.0, cycle
         h = cycle * float((x[3, i] - target) / (x[3, i] - ahead[3, i]))
         for step in range(SEARCH):
-            end = _rk4(mission.flight_model, begin, old, old + slope * (h / cycle), time, h)
+            end = _rk4(model, begin, old, old + slope * (h / cycle), time, h)
             excess = float(end[3, 0]) - target
             if abs(excess) < SPEED_TOLERANCE:
                 break

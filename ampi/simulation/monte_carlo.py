@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 from ampi.guidance import Guidance
+from ampi.missions.family import MissionFamily
 from ampi.missions.mission import Mission, mission_digest
 from ampi.onboard.reference import Mode
 from ampi.physics.path_constraints import path_constraints
@@ -39,7 +40,7 @@ class Flights:
     mode: Mode
     seed: int
     distribution: str
-    entry_states: Array  # (n, 6); m, rad, m/s
+    parameters: Array  # (n, d), as drawn; SI, rad
     clipped: NDArray[np.bool_]  # (n,), outside the hypercube
     status: NDArray[np.int64]  # (n,), FlightStatus
     final_states: Array  # (n, 7), where the speed reached its target
@@ -138,8 +139,8 @@ def fly(
             "fly the mission of the database (read_dataset(path).mission), or build it anew"
         )
     dispersions = dispersions or Dispersions.from_mission(mission)
-    entries = dispersions.draw(mission, n, seed)
-    chunks = [entries[i : i + BATCH] for i in range(0, n, BATCH)]
+    draws = dispersions.draw(mission, n, seed)
+    chunks = [draws[i : i + BATCH] for i in range(0, n, BATCH)]
     batches: list[FlightBatch] = []
     with Parallel(n_jobs=min(n_jobs, len(chunks)), return_as="generator") as pool:
         tasks = (delayed(_fly_chunk)(mission, guidance, c, record_every) for c in chunks)
@@ -147,14 +148,14 @@ def fly(
             batches.append(batch)
             if advance is not None:
                 advance(len(chunk))
-    return _assemble(mission, guidance, dispersions, seed, entries, batches)
+    return _assemble(mission, guidance, dispersions, seed, draws, batches)
 
 
 def _fly_chunk(
-    mission: Mission, guidance: Guidance, entries: Array, record_every: float
+    mission: Mission, guidance: Guidance, draws: Array, record_every: float
 ) -> FlightBatch:
     with threadpool_limits(limits=1):
-        return fly_batch(mission, guidance, entries, record_every)
+        return fly_batch(mission.family(draws), guidance, draws, record_every)
 
 
 def _assemble(
@@ -162,7 +163,7 @@ def _assemble(
     guidance: Guidance,
     dispersions: Dispersions,
     seed: int,
-    entries: Array,
+    draws: Array,
     batches: list[FlightBatch],
 ) -> Flights:
     times = max((b.times for b in batches), key=len)
@@ -176,45 +177,49 @@ def _assemble(
 
     final = np.concatenate([b.final_states for b in batches])
     states = joined([b.states for b in batches])
-    target, limits = mission.target, mission.limits
+    family = mission.family(draws)
     radius = mission.flight_model.planet.equatorial_radius
-    along, across = _track_frame(mission, guidance, final, radius)
-    values = path_constraints(mission.flight_model, states.transpose(1, 0, 2), times)
-    scale = (limits.dynamic_pressure, limits.heat_flux, limits.load_factor)
+    along, across = _track_frame(mission, family, guidance, final, radius)
+    values = path_constraints(family.flight_model(trailing=1), states.transpose(1, 0, 2), times)
     return Flights(
         mission=mission.name,
         mission_sha256=mission_digest(mission),
         mode=guidance.mode,
         seed=seed,
         distribution=dispersions.distribution.value,
-        entry_states=entries,
+        parameters=draws,
         clipped=np.concatenate([b.clipped for b in batches]),
         status=np.concatenate([b.status for b in batches]),
         final_states=final,
         final_time=np.concatenate([b.final_time for b in batches]),
         miss=great_circle_distance(
-            final[:, 1], final[:, 2], target.longitude, target.latitude, radius
+            final[:, 1],
+            final[:, 2],
+            family.target("longitude"),
+            family.target("latitude"),
+            radius,
         ),
         along=along,
         across=across,
-        altitude_error=final[:, 0] - target.altitude,
-        speed_error=final[:, 3] - target.speed,
+        altitude_error=final[:, 0] - family.target("altitude"),
+        speed_error=final[:, 3] - family.target("speed"),
         times=times,
         states=states,
         reference_states=joined([b.reference_states for b in batches]),
         bank_rate=joined([b.bank_rate for b in batches]),
-        path=np.stack([v / s for v, s in zip(values, scale, strict=True)], axis=1),
-        peak=np.concatenate([b.peak for b in batches]) / np.array(scale),
+        path=np.stack(values, axis=1) / family.limits[:, :, None],
+        peak=np.concatenate([b.peak for b in batches]) / family.limits,
     )
 
 
 def _track_frame(
-    mission: Mission, guidance: Guidance, final: Array, radius: float
+    mission: Mission, family: MissionFamily, guidance: Guidance, final: Array, radius: float
 ) -> tuple[Array, Array]:
     """Miss (m) along and across the nominal final azimuth, on the tangent plane at the target."""
-    nominal = guidance.in_mode(Mode.NOMINAL).reference(mission.entry_state)
+    nominal = guidance.in_mode(Mode.NOMINAL).reference(mission.nominal_parameters)
     azimuth = float(nominal.states[5, -1])
-    north = radius * (final[:, 2] - mission.target.latitude)
-    east = radius * np.cos(mission.target.latitude) * (final[:, 1] - mission.target.longitude)
+    longitude, latitude = family.target("longitude"), family.target("latitude")
+    north = radius * (final[:, 2] - latitude)
+    east = radius * np.cos(latitude) * (final[:, 1] - longitude)
     along = north * np.cos(azimuth) + east * np.sin(azimuth)
     return along, east * np.cos(azimuth) - north * np.sin(azimuth)

@@ -18,8 +18,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
+from ampi.missions.family import MissionFamily
 from ampi.missions.mission import Mission
-from ampi.physics.equations_of_motion import equations_of_motion
+from ampi.physics.equations_of_motion import FlightModel, equations_of_motion
 from ampi.physics.path_constraints import path_constraints
 from ampi.physics.planet import great_circle_distance
 from ampi.pseudospectral.lagrange import interpolation_matrix
@@ -50,7 +51,7 @@ class Reintegration:
 def reintegrate(mission: Mission, trajectory: Trajectory) -> Reintegration:
     """Re-integrate one trajectory."""
     return reintegrate_many(
-        mission,
+        MissionFamily((mission,)),
         trajectory.mesh,
         trajectory.states[None],
         np.array([trajectory.final_time]),
@@ -58,15 +59,14 @@ def reintegrate(mission: Mission, trajectory: Trajectory) -> Reintegration:
 
 
 def reintegrate_many(
-    mission: Mission, mesh: Mesh, states: Array, final_time: Array, spacing: float = 1.0
+    family: MissionFamily, mesh: Mesh, states: Array, final_time: Array, spacing: float = 1.0
 ) -> Reintegration:
-    """Re-integrate trajectories `states` (c, 7, n) with `final_time` (c,) on one mesh.
+    """Re-integrate trajectories `states` (c, 7, n) with `final_time` (c,) of a family on one mesh.
 
     `spacing` (s) is the greatest distance of the points where the path constraints are read.
     """
     cases = len(states)
-    limits = mission.limits
-    scale = np.array([limits.dynamic_pressure, limits.heat_flux, limits.load_factor])
+    model = family.flight_model()
     state = states[:, :6, 0].T.copy()
     nodes = np.empty((cases, 6, mesh.n_nodes))
     nodes[:, :, 0] = states[:, :6, 0]
@@ -76,7 +76,7 @@ def reintegrate_many(
         half = s.half_length[0] + s.half_length[1] * final_time
         fine = np.linspace(-1.0, 1.0, int(np.ceil(2.0 * half.max() / spacing)) + 1)
         tau = np.union1d(fine, s.rule.nodes)
-        path = _integrate_segment(mission, s.rule, states[:, 6, s.nodes], state, start, half, tau)
+        path = _integrate_segment(model, s.rule, states[:, 6, s.nodes], state, start, half, tau)
         nodes[:, :, s.nodes.start + 1 : s.nodes.stop] = path[
             :, :6, np.searchsorted(tau, s.rule.nodes[1:])
         ]
@@ -84,13 +84,12 @@ def reintegrate_many(
         pieces.append((start[:, None] + half[:, None] * (1.0 + tau), path))
     times = np.concatenate([t for t, _ in pieces], axis=1)
     fine_states = np.concatenate([p for _, p in pieces], axis=2)
-    model = mission.flight_model
-    path_values = path_constraints(model, fine_states.transpose(1, 0, 2), times)
-    fine_path = np.stack(path_values, axis=1) / scale[:, None]
+    over_time = family.flight_model(trailing=1)
+    path_values = path_constraints(over_time, fine_states.transpose(1, 0, 2), times)
+    fine_path = np.stack(path_values, axis=1) / family.limits[:, :, None]
+    radius = family.missions[0].flight_model.planet.equatorial_radius
     altitude_error = np.abs(nodes[:, 0] - states[:, 0])
-    horizontal = great_circle_distance(
-        states[:, 1], states[:, 2], nodes[:, 1], nodes[:, 2], model.planet.equatorial_radius
-    )
+    horizontal = great_circle_distance(states[:, 1], states[:, 2], nodes[:, 1], nodes[:, 2], radius)
     return Reintegration(
         states=nodes,
         position_error=np.hypot(horizontal, altitude_error).max(axis=1),
@@ -104,7 +103,7 @@ def reintegrate_many(
 
 
 def _integrate_segment(
-    mission: Mission,
+    model: FlightModel,
     rule: FlippedRadau,
     bank: Array,
     state: Array,
@@ -113,7 +112,7 @@ def _integrate_segment(
     tau: Array,
 ) -> Array:
     """States (c, 7, k) at `tau` of one segment, from `state` (6, c)."""
-    model, cases = mission.flight_model, len(start)
+    cases = len(start)
     matrix = interpolation_matrix(rule.nodes, rule.barycentric, tau)
 
     def rates(at: float, flat: Array) -> Array:

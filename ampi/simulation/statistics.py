@@ -149,7 +149,7 @@ class AreaRatio:
 
 def footprint_ratio(flights: Flights, baseline: Flights) -> AreaRatio:
     """Paired by draw: both campaigns must share seed and entry states."""
-    if flights.n != baseline.n or not np.array_equal(flights.entry_states, baseline.entry_states):
+    if flights.n != baseline.n or not np.array_equal(flights.parameters, baseline.parameters):
         raise ValueError("footprint_ratio: the two campaigns were not flown on the same draws")
     both = flights.reached & baseline.reached
     if np.count_nonzero(both) < FEWEST_FOR_RATIO:

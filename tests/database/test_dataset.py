@@ -2,32 +2,156 @@
 
 from __future__ import annotations
 
+import dataclasses
+import json
+import re
 import shutil
+import subprocess
+import sys
+import typing
 from pathlib import Path
+from typing import Any
 
 import h5py
 import numpy as np
 import pytest
 import xarray
 
-from ampi.dataset import DatasetError, read_dataset, seal
+from ampi.dataset import FIELDS, DatasetError, read_dataset, seal
 from ampi.loading import guidance_table, load_guidance
+from ampi.missions.family import MissionFamily
 from ampi.missions.mission import Mission, parse_mission
 from ampi.physics.equations_of_motion import STATES
+from ampi.pseudospectral.mesh import Mesh, Phase
+from ampi.scp.exact_hessian import SolverSettings
+from ampi.scp.solve import solve
+from ampi.trajectory import Status, Trajectory
+from database.gains import GainSettings, vertex_gains
+from database.grid import Grid
 
 
 def test_xarray_opens_it_with_named_dimensions(small_database: Path) -> None:
     with xarray.open_dataset(small_database, engine="h5netcdf") as data:
         assert data["states"].dims[-2:] == ("state", "node")
-        assert data["states"].dims[3] == "axis_speed"
+        assert data["states"].dims[0] == "axis_speed"
         assert data["final_time"].attrs["units"] == "s"
         assert [s.decode() for s in data["state"].values] == list(STATES)
         assert float(data["final_time"].min()) > 500.0
 
 
+def test_xarray_selects_by_parameter(small_database: Path, small_mission: Mission) -> None:
+    """From file to one number by names alone."""
+    with xarray.open_dataset(small_database, engine="h5netcdf") as data:
+        at = {"axis_speed": small_mission.entry.speed + 70.0}
+        fast = data["states"].sel(at, method="nearest").isel(axis_flight_path_angle=1, node=0)
+        speed = float(fast.sel(state=b"speed"))
+    assert speed == pytest.approx(small_mission.entry.speed + 70.0)
+
+
+def test_the_readmes_lines_of_numpy_read_it(
+    small_database: Path, small_mission: Mission, tmp_path: Path
+) -> None:
+    """Run as printed, by an interpreter that cannot import this package."""
+    readme = (Path(__file__).parents[2] / "README.md").read_text(encoding="utf-8")
+    (block,) = re.findall(r"```python\n(import h5py\n.*?)```", readme, re.DOTALL)
+    assert len([line for line in block.splitlines() if line.strip()]) <= 10
+    shutil.copy(small_database, tmp_path / "shefex3.h5")
+    (tmp_path / "ampi.py").write_text("raise ImportError", encoding="utf-8")
+    (tmp_path / "lines.py").write_text(block, encoding="utf-8")
+    done = subprocess.run(
+        [sys.executable, "lines.py"], cwd=tmp_path, capture_output=True, text=True, check=True
+    )
+    title, *numbers = done.stdout.split("\n", 1)
+    assert title.endswith("over speed, flight_path_angle")
+    altitudes, times = (
+        [float(word) for word in part.split()] for part in re.findall(r"\[([^]]*)\]", numbers[0])
+    )
+    assert altitudes[0] == pytest.approx(1e-3 * small_mission.entry.altitude, abs=1e-2)
+    assert altitudes[-1] == pytest.approx(1e-3 * small_mission.target.altitude, abs=1e-2)
+    assert times[0] == 0.0
+    assert times[-1] == pytest.approx(read_dataset(small_database).final_time[1, 1], abs=0.01)
+
+
+@pytest.mark.skipif(shutil.which("h5dump") is None, reason="h5dump (hdf5-tools) is not installed")
+def test_h5dump_explains_it(small_database: Path) -> None:
+    def dump(*options: str) -> str:
+        command = ["h5dump", *options, str(small_database)]
+        return subprocess.run(command, capture_output=True, text=True, check=True).stdout
+
+    header = dump("-H")
+    for name in ("axis_speed", "axis_flight_path_angle", "states", "gains", "message", *FIELDS):
+        assert f'DATASET "{name}"' in header
+    assert "( 3, 3, 7, 64 )" in header
+    assert 'ATTRIBUTE "mission_toml"' in header
+    assert '"m rad rad m/s rad rad rad"' in dump("-a", "/states/units")
+    assert '"optimal final time"' in dump("-a", "/final_time/long_name")
+    assert "SOLVED" in dump("-a", "/status/meanings")
+    values = dump("-y", "-m", "%.17g", "-d", "/final_time").split("DATA {")[1].split("}")[0]
+    found = np.array([float(word) for word in values.replace(",", " ").split()])
+    assert np.array_equal(found, read_dataset(small_database).final_time.ravel())
+
+
+def restored(kind: type, values: dict[str, Any]) -> Any:
+    """A settings object of nested dataclasses from its JSON."""
+    hints = typing.get_type_hints(kind)
+    return kind(
+        **{
+            key: restored(hints[key], value)
+            if dataclasses.is_dataclass(hints[key])
+            else tuple(value)
+            if isinstance(value, list)
+            else value
+            for key, value in values.items()
+        }
+    )
+
+
+def test_the_file_alone_solves_a_case_again_to_the_same_numbers(small_database: Path) -> None:
+    """Mission, grid, settings, starting neighbour: nothing but what h5py reads."""
+    with h5py.File(small_database) as file:
+        attributes = dict(file.attrs)
+        content = {name: dataset[()] for name, dataset in file.items()}
+    mission = parse_mission(attributes["mission_toml"])
+    grid = Grid.from_mission(mission)
+    assert tuple(attributes["parameters"]) == grid.names
+    for name, axis in zip(grid.names, grid.axes, strict=True):
+        assert np.array_equal(content[f"axis_{name}"], axis)
+    settings = restored(SolverSettings, json.loads(attributes["solver_settings"]))
+    phases = tuple(restored(Phase, phase) for phase in json.loads(attributes["mesh"]))
+    assert phases == mission.pseudospectral_mesh.phases
+    case = (2, 0)
+    message = content["message"][case].decode()
+    start = np.unravel_index(int(re.match(r"from case (\d+) in 1 step", message)[1]), grid.shape)
+    neighbour = Trajectory(
+        Mesh(phases),
+        content["states"][start],
+        content["bank_rate"][start],
+        float(content["final_time"][start]),
+        float(content["cost"][start]),
+        Status.SOLVED,
+    )
+    here = mission.with_parameters([axis[i] for axis, i in zip(grid.axes, case, strict=True)])
+    again = solve(here, guess=neighbour, settings=settings)
+    assert np.array_equal(again.states, content["states"][case])
+    assert np.array_equal(again.bank_rate, content["bank_rate"][case])
+    assert (again.final_time, again.cost, again.statistics.iterations) == (
+        content["final_time"][case],
+        content["cost"][case],
+        content["iterations"][case],
+    )
+    gains = vertex_gains(
+        MissionFamily((here,)),
+        again.mesh,
+        again.states[None],
+        np.array([again.final_time]),
+        restored(GainSettings, json.loads(attributes["gain_settings"])),
+    )
+    assert gains[0] == pytest.approx(content["gains"][case], rel=1e-9, abs=1e-15)
+
+
 def test_plain_h5py_and_numpy_are_enough(small_database: Path, small_mission: Mission) -> None:
     with h5py.File(small_database) as file:
-        states = file["states"][0, 0, 0, 1, 1, 0]
+        states = file["states"][1, 1]
         dense = states @ file["ld_to_hd"][()]
         assert file["states"].attrs["long_name"] == "optimal states at the Radau nodes"
         assert file.attrs["bank_rate_effort"] == small_mission.objective.bank_rate_effort
@@ -91,7 +215,9 @@ def test_another_schema_version_is_refused(small_database: Path, tmp_path: Path)
     with h5py.File(path, "r+") as file:
         file.attrs["schema_version"] = 99
     seal(path)
-    with pytest.raises(DatasetError, match="schema version 99, this ampi reads version 1"):
+    with pytest.raises(
+        DatasetError, match="schema version 99, this ampi reads version 2; read it with"
+    ):
         load_guidance(path)
 
 

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
-from ampi.missions.mission import load_mission
+from ampi.missions.mission import load_mission, parse_mission
 from database.continuation import layers
 from database.grid import Grid
 
@@ -41,3 +42,28 @@ def test_points_are_in_c_order() -> None:
     full = np.stack(np.meshgrid(*grid.axes, indexing="ij"), axis=-1).reshape(-1, 6)
     for case in (0, 1, 364, 728):
         np.testing.assert_array_equal(grid.point(case), full[case])
+
+
+def test_a_mission_that_disperses_nothing_has_no_grid() -> None:
+    text = load_mission("shefex3").toml
+    mission = parse_mission(text[: text.index("[grid]")] + "[grid]\nspeed_m_per_s = [0.0]\n")
+    with pytest.raises(ValueError, match=r"shefex3: expected a \[grid\] with at least one axis of"):
+        Grid.from_mission(mission)
+
+
+def test_an_uneven_grid_of_any_parameters() -> None:
+    text = load_mission("shefex3").toml
+    grid = Grid.from_mission(
+        parse_mission(
+            text[: text.index("[grid]")]
+            + "[grid]\nvehicle.mass_kg = [-10, -1, 0, 2]\nspeed_m_per_s = [0.0, 5.0]\n"
+            + "azimuth_deg = [0.0]\n"
+        )
+    )
+    assert grid.names == ("speed", "vehicle.mass")
+    assert grid.units == ("m/s", "kg")
+    assert grid.shape == (2, 4)
+    assert grid.centre == (0, 2)
+    assert [grid.point(case)[1] for case in range(4)] == [490.0, 499.0, 500.0, 502.0]
+    np.testing.assert_array_equal(grid.points(), [grid.point(case) for case in range(8)])
+    assert [len(layer) for layer in layers(grid)] == [1, 3, 3, 1]

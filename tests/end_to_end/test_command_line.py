@@ -74,7 +74,15 @@ def test_audit_in_words_and_in_json(folder: Path) -> None:
 
 def test_guide_writes_the_reference_of_an_entry(folder: Path) -> None:
     done = run(
-        "guide", "small.h5", "--speed", "4740", "--csv", "r.csv", "--plot", "r.png", cwd=folder
+        "guide",
+        "small.h5",
+        "-p",
+        "speed_km_per_s=4.74",
+        "--csv",
+        "r.csv",
+        "--plot",
+        "r.png",
+        cwd=folder,
     )
     assert "final time" in done.stdout
     table = np.genfromtxt(folder / "r.csv", delimiter=",", names=True)
@@ -104,10 +112,18 @@ def test_fly_and_report(folder: Path) -> None:
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (("solve", "shefex4"), "shefex3, x33_liu2015 or the path of a .toml file, got 'shefex4'"),
+        (("solve", "shefex4"), "or the path of a .toml file, got 'shefex4'"),
         (("build", "shefex3", "absent/a.h5"), "the folder absent does not exist"),
         (("audit", "absent.h5"), "absent.h5: no such file; make one with: ampi build"),
-        (("guide", "small.h5", "--speed", "nan"), "expected a finite speed, got nan"),
+        (
+            ("guide", "small.h5", "--speed", "nan"),
+            "speed_m_per_s: expected a finite number, got nan",
+        ),
+        (
+            ("guide", "small.h5", "--altitude-km", "100"),
+            "altitude_km: expected a parameter of this mission (speed_m_per_s, speed_km_per_s, ",
+        ),
+        (("guide", "small.h5", "-p", "speed_m_per_s"), "--parameter: expected KEY=NUMBER"),
         (("guide", "small.h5", "--mode", "best"), "'best' is not a valid Mode"),
         (("fly", "small.h5", "--distribution", "cauchy"), "'cauchy' is not a valid Distribution"),
         (("report", "small.h5", "absent.npz"), "absent.npz"),

@@ -8,18 +8,29 @@ from numpy.typing import NDArray
 from scipy.optimize import brentq
 
 from ampi.guidance import BankCommand, Guidance, Health
-from ampi.missions.mission import Mission
+from ampi.missions.family import MissionFamily
+from ampi.missions.mission import EntrySection, Mission
+from ampi.missions.parameters import ENTRY_STATES
 from ampi.onboard.reference import Mode
 from ampi.physics.equations_of_motion import equations_of_motion
 from ampi.simulation.closed_loop import FlightStatus, fly_batch
 
 Array = NDArray[np.float64]
-
+MEASURED = [3, 4]  # the grid disperses speed and flight-path angle alone
 ENTRIES = {  # offsets from the nominal entry state
     "inside": [0.0, 0.0, 0.0, 23.0, 0.003, 0.0],
     "on the boundary": [0.0, 0.0, 0.0, 70.0, -0.5 * np.pi / 180.0, 0.0],
     "outside": [180.0, 2e-3, -1e-3, -90.0, 0.004, -3e-3],
 }
+
+
+def from_entries(mission: Mission, entries: Array) -> MissionFamily:
+    """The mission from each of `entries` (n, 6), whether or not the grid disperses them."""
+    sections = (
+        EntrySection.model_construct(**dict(zip(ENTRY_STATES, row, strict=True)))
+        for row in np.atleast_2d(entries).tolist()
+    )
+    return MissionFamily(tuple(mission.model_copy(update={"entry": s}) for s in sections))
 
 
 def step(mission: Mission, x: Array, rates: tuple[float, float], time: float, h: float) -> Array:
@@ -39,7 +50,7 @@ def flown(
     mission: Mission, guidance: Guidance, entry: Array
 ) -> tuple[Array, list[Array], list[BankCommand]]:
     """Final state, states at the cycle begins, and the commands."""
-    reference = guidance.reference(entry).copy()
+    reference = guidance.reference(entry[MEASURED]).copy()
     x = np.concatenate([entry, reference.states[6:, 0]])
     rate, time = float(reference.bank_rate[0]), 0.0
     states, commands = [], []
@@ -68,7 +79,8 @@ def test_one_flight_by_commands_is_the_flight_of_the_batch(
     guidance = loaded.in_mode(mode)
     state = mission.entry_state + np.array(ENTRIES[entry])
     final, states, commands = flown(mission, guidance, state)
-    batch = fly_batch(mission, guidance, state[None], record_every=guidance.cycle)
+    family = from_entries(mission, state)
+    batch = fly_batch(family, guidance, state[None, MEASURED], record_every=guidance.cycle)
     assert batch.status.tolist() == [int(FlightStatus.REACHED_SPEED)]
     scale = np.array([1e5, 1.0, 1.0, 5e3, 1.0, 1.0, 1.0])
     assert batch.states.shape == (1, 7, len(states))

@@ -175,24 +175,23 @@ FAULTS = {
     ),
     "a grid that does not increase": (
         ("altitude_m = [-250.0, 0.0, 250.0]", "altitude_m = [0.0, -250.0, 250.0]"),
-        "grid: altitude: expected strictly increasing offsets, got [0.0, -250.0, 250.0]",
+        "grid: altitude_m: expected strictly increasing offsets, got [0.0, -250.0, 250.0]",
     ),
     "a grid that stands still": (
         ("altitude_m = [-250.0, 0.0, 250.0]", "altitude_m = [0.0, 0.0]"),
-        "grid: altitude: expected strictly increasing offsets, got [0.0, 0.0]",
+        "grid: altitude_m: expected strictly increasing offsets, got [0.0, 0.0]",
     ),
     "an empty grid": (
         ("altitude_m = [-250.0, 0.0, 250.0]", "altitude_m = []"),
-        "grid: altitude: expected strictly increasing offsets, got []",
+        "grid: altitude_m: expected strictly increasing offsets, got []",
     ),
     "a grid without the nominal": (
         ("altitude_m = [-250.0, 0.0, 250.0]", "altitude_m = [-250.0, 250.0]"),
-        "grid: altitude: expected an axis that contains 0, the nominal entry state, "
-        "got [-250.0, 250.0] (SI)",
+        "grid: altitude_m: expected offsets that contain 0, the nominal value, got [-250.0, 250.0]",
     ),
     "nan in a grid": (
         ("altitude_m = [-250.0, 0.0, 250.0]", "altitude_m = [nan, 0.0]"),
-        "grid.altitude.0: Input should be a finite number (got nan)",
+        "grid: altitude_m: expected finite offsets, got nan",
     ),
     "a target faster than the entry": (
         ("speed_m_per_s = 595.0", "speed_m_per_s = 5950.0"),

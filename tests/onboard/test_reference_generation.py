@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import tracemalloc
 from collections.abc import Callable
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -243,3 +244,30 @@ def test_a_reference_allocates_almost_nothing_in_passing(table: GuidanceTable, m
     finally:
         tracemalloc.stop()
     assert max(peaks) < 4096
+
+
+# --- any number of parameters ---------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("d", [1, 2, 7, 10])
+def test_any_number_of_parameters(make_table: Callable[..., GuidanceTable], d: int) -> None:
+    """Multilinear in every direction: exact for a table that is, on uneven axes of two points."""
+    rng = np.random.default_rng(d)
+    axes = tuple(np.cumsum(rng.uniform(0.5, 1.5, 2)) for _ in range(d))
+    table = make_table(axes)
+    slopes = rng.standard_normal((d, *table.values.shape[-2:]))
+    grid = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1)
+    plane = replace(table, values=np.tensordot(grid, slopes, axes=1))
+    share = rng.uniform(0.0, 1.0, d)
+    p = np.array([a[0] + s * (a[1] - a[0]) for a, s in zip(axes, share, strict=True)])
+    generator = ReferenceGenerator(plane, Mode.AMPI)
+    assert generator.reference(p).inside
+    expected = np.tensordot(p, slopes, axes=1)
+    assert generator.nodal_values == pytest.approx(expected, rel=1e-10, abs=1e-10)
+
+
+@pytest.mark.parametrize("p", [np.zeros(5), np.zeros(7), np.zeros((6, 1)), 0.0])
+def test_a_vector_of_another_length_is_refused(table: GuidanceTable, p: object) -> None:
+    generator = ReferenceGenerator(table, Mode.AMPI)
+    with pytest.raises(ValueError, match="parameters: expected 6 numbers, one per axis of the tab"):
+        generator.reference(p)  # type: ignore[arg-type]

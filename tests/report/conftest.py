@@ -79,7 +79,7 @@ def campaign(mission: Mission, mode: Mode) -> Flights:
         mode=mode,
         seed=11,
         distribution="normal",
-        entry_states=mission.entry_state + 1e-3 * draws,
+        parameters=mission.entry_state + 1e-3 * draws,
         clipped=np.arange(N) < (0 if mode is Mode.NOMINAL else 3),
         status=status,
         final_states=final,

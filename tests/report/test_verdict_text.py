@@ -101,7 +101,7 @@ def test_no_line_is_wider_than_the_terminal(
 def test_ratio_is_withheld_from_different_draws(
     mission: Mission, campaigns: dict[str, Flights]
 ) -> None:
-    moved = replace(campaigns["ampi"], entry_states=campaigns["ampi"].entry_states + 1.0)
+    moved = replace(campaigns["ampi"], parameters=campaigns["ampi"].parameters + 1.0)
     tables = verdict_tables(mission, {"nominal": campaigns["nominal"], "ampi": moved})
     footprint = next(t for t in tables if t.title == "Footprint")
     assert footprint.groups[0].cells["ampi"][1].value == "–"

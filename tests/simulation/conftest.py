@@ -61,7 +61,7 @@ def synthetic_flights(n: int = 200, seed: int = 0, **changes: Any) -> Flights:
         "mode": Mode.AMPI,
         "seed": 7,
         "distribution": "normal",
-        "entry_states": np.random.default_rng(99).standard_normal((n, 6)),
+        "parameters": np.random.default_rng(99).standard_normal((n, 6)),
         "clipped": rng.random(n) < 0.2,
         "status": np.zeros(n, dtype=np.int64),
         "final_states": rng.standard_normal((n, 7)),

@@ -241,9 +241,9 @@ def test_the_bootstrap_interval_holds_the_ratio_and_repeats_itself(
 
 def test_unpaired_draws_are_refused(make_flights: FlightMaker) -> None:
     flights = make_flights(30)
-    entries = flights.entry_states.copy()
+    entries = flights.parameters.copy()
     entries[7, 2] = np.nextafter(entries[7, 2], 1.0)
-    for other in (make_flights(31), make_flights(30, entry_states=entries)):
+    for other in (make_flights(31), make_flights(30, parameters=entries)):
         with pytest.raises(ValueError, match="not flown on the same draws"):
             footprint_ratio(flights, other)
 

@@ -10,7 +10,9 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
 from ampi.guidance import Guidance
-from ampi.missions.mission import Mission, parse_mission
+from ampi.missions.family import MissionFamily
+from ampi.missions.mission import EntrySection, Mission, parse_mission
+from ampi.missions.parameters import ENTRY_STATES
 from ampi.onboard.reference import Mode
 from ampi.physics.equations_of_motion import equations_of_motion
 from ampi.physics.path_constraints import path_constraints
@@ -18,25 +20,41 @@ from ampi.simulation.closed_loop import LONGEST, FlightBatch, FlightStatus, fly_
 from ampi.simulation.dispersions import Dispersions, Distribution
 
 Array = NDArray[np.float64]
+MEASURED = [3, 4]  # the grid disperses speed and flight-path angle alone
+
+
+def from_entries(mission: Mission, entries: Array) -> MissionFamily:
+    """The mission from each of `entries` (n, 6), whether or not the grid disperses them."""
+    sections = (
+        EntrySection.model_construct(**dict(zip(ENTRY_STATES, row, strict=True)))
+        for row in np.atleast_2d(entries).tolist()
+    )
+    return MissionFamily(tuple(mission.model_copy(update={"entry": s}) for s in sections))
+
+
+def fly(mission: Mission, guidance: Guidance, entries: Array, every: float = 5.0) -> FlightBatch:
+    return fly_batch(from_entries(mission, entries), guidance, entries[:, MEASURED], every)
 
 
 @pytest.fixture(scope="module")
 def entries(mission: Mission) -> Array:
-    """Corners, inside and outside of the small grid."""
-    return np.vstack(
-        [
-            mission.entry_state,
-            Dispersions.from_mission(mission, Distribution.CORNERS).draw(mission, 4, 1),
-            Dispersions.from_mission(mission, Distribution.UNIFORM).draw(mission, 4, 2),
-            Dispersions((250.0, 8e-3, 8e-3, 70.0, 8e-3, 8e-3)).draw(mission, 4, 3),
-        ]
+    """Corners, inside and outside of the small grid; the last four off in every entry state."""
+    entries = np.tile(mission.entry_state, (13, 1))
+    entries[1:5, MEASURED] = Dispersions.from_mission(mission, Distribution.CORNERS).draw(
+        mission, 4, 1
     )
+    entries[5:9, MEASURED] = Dispersions.from_mission(mission, Distribution.UNIFORM).draw(
+        mission, 4, 2
+    )
+    sizes = np.array([250.0, 8e-3, 8e-3, 70.0, 8e-3, 8e-3])
+    entries[9:] += 1.1 * sizes * np.random.default_rng(3).choice([-1.0, 1.0], (4, 6))
+    return entries
 
 
 @pytest.fixture(scope="module")
 def batch(mission: Mission, guidance: Guidance, entries: Array) -> FlightBatch:
     """Recorded at every cycle."""
-    return fly_batch(mission, guidance, entries, record_every=guidance.cycle)
+    return fly(mission, guidance, entries, guidance.cycle)
 
 
 # --- laws -----------------------------------------------------------------------------------------
@@ -45,9 +63,9 @@ def batch(mission: Mission, guidance: Guidance, entries: Array) -> FlightBatch:
 def test_flights_of_a_batch_do_not_see_each_other(
     mission: Mission, guidance: Guidance, entries: Array, batch: FlightBatch
 ) -> None:
-    reverse = fly_batch(mission, guidance, entries[::-1].copy())
+    reverse = fly(mission, guidance, entries[::-1].copy())
     assert reverse.final_states[::-1] == pytest.approx(batch.final_states, rel=1e-10)
-    alone = fly_batch(mission, guidance, entries[5:6])
+    alone = fly(mission, guidance, entries[5:6])
     assert alone.final_states[0] == pytest.approx(batch.final_states[5], rel=1e-10)
     assert alone.final_time[0] == pytest.approx(float(batch.final_time[5]), rel=1e-12)
 
@@ -86,7 +104,7 @@ def test_flights_end_at_the_target_speed_at_the_time_they_say(
 def test_records_are_thinned_as_asked(
     mission: Mission, guidance: Guidance, entries: Array, batch: FlightBatch
 ) -> None:
-    thin = fly_batch(mission, guidance, entries, record_every=7.0)
+    thin = fly(mission, guidance, entries, 7.0)
     assert np.array_equal(thin.times, batch.times[::14])
     assert np.array_equal(thin.states, batch.states[..., ::14], equal_nan=True)
     assert np.array_equal(thin.bank_rate, batch.bank_rate[:, ::14], equal_nan=True)
@@ -101,7 +119,7 @@ def test_peaks_are_read_at_every_cycle_however_thin_the_record(
     loads = path_constraints(mission.flight_model, states, batch.times)
     expected = np.stack([np.nanmax(load, axis=1) for load in loads], axis=1)
     assert batch.peak == pytest.approx(expected, rel=1e-12)
-    thin = fly_batch(mission, guidance, entries, record_every=100.0)
+    thin = fly(mission, guidance, entries, 100.0)
     assert np.array_equal(thin.peak, batch.peak)
 
 
@@ -154,7 +172,7 @@ def test_a_dive_ends_at_the_ground(mission: Mission, guidance: Guidance) -> None
     heavy = parse_mission(mission.toml.replace("mass_kg = 500.0", "mass_kg = 5e6"))
     entry = mission.entry_state.copy()
     entry[4] = np.radians(-80.0)
-    batch = fly_batch(heavy, guidance, np.vstack([entry, entry]))
+    batch = fly(heavy, guidance, np.vstack([entry, entry]))
     assert batch.status.tolist() == [int(FlightStatus.GROUND)] * 2
     assert -4712.0 * 0.5 < batch.final_states[0, 0] < 0.0
     assert batch.final_states[0, 3] > 4000.0
@@ -169,9 +187,10 @@ def test_a_vehicle_that_leaves_the_planet_meets_the_time_limit(
 ) -> None:
     entry = mission.entry_state.copy()
     entry[[3, 4]] = 11.5e3, np.radians(30.0)
-    batch = fly_batch(mission, guidance, np.vstack([mission.entry_state, entry]))
+    batch = fly(mission, guidance, np.vstack([mission.entry_state, entry]))
     assert batch.status.tolist() == [int(FlightStatus.REACHED_SPEED), int(FlightStatus.TIME_LIMIT)]
-    longest = LONGEST * max(guidance.reference(e).final_time for e in (mission.entry_state, entry))
+    measured = (mission.entry_state[MEASURED], entry[MEASURED])
+    longest = LONGEST * max(guidance.reference(p).final_time for p in measured)
     assert batch.final_time[1] == pytest.approx(longest, abs=0.5)
     assert np.all(np.isfinite(batch.final_states[1]))
     assert np.all(np.isfinite(batch.states[1]))
@@ -183,7 +202,7 @@ def test_an_entry_that_is_not_a_number_is_a_record(
 ) -> None:
     entry = mission.entry_state.copy()
     entry[3] = np.nan
-    batch = fly_batch(mission, guidance.in_mode(mode), np.vstack([entry, mission.entry_state]))
+    batch = fly(mission, guidance.in_mode(mode), np.vstack([entry, mission.entry_state]))
     assert batch.status.tolist() == [int(FlightStatus.NOT_FINITE), int(FlightStatus.REACHED_SPEED)]
     assert np.all(np.isnan(batch.final_states[0]))
 
@@ -197,7 +216,7 @@ def test_reached_speed_means_it(
 ) -> None:
     entry = mission.entry_state.copy()
     entry[[0, 3, 4]] = h, v, np.radians(angle)
-    batch = fly_batch(mission, guidance, entry[None])
+    batch = fly(mission, guidance, entry[None])
     if batch.status[0] == int(FlightStatus.REACHED_SPEED):
         assert batch.final_states[0, 3] == pytest.approx(mission.target.speed, abs=1e-4)
         assert batch.final_states[0, 0] >= 0.0
@@ -210,7 +229,7 @@ def test_an_absurd_entry_is_a_record_and_keeps_no_limit(
 ) -> None:
     entries = np.stack([mission.entry_state, mission.entry_state])
     entries[0, 0] = np.inf
-    batch = fly_batch(mission, guidance, entries)
+    batch = fly(mission, guidance, entries)
     assert batch.status[0] == int(FlightStatus.NOT_FINITE)
     assert np.all(np.isnan(batch.peak[0]))
     assert batch.status[1] == int(FlightStatus.REACHED_SPEED)

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from scipy import stats
 
-from ampi.missions.mission import Mission
+from ampi.missions.mission import Mission, parse_mission
 from ampi.simulation.dispersions import Dispersions, Distribution
 
 Array = NDArray[np.float64]
@@ -123,16 +123,18 @@ def test_the_missions_grid_is_eq_34(shefex3: Mission, mission: Mission) -> None:
     assert dispersions.half_widths == pytest.approx(tuple(EQ_34), rel=1e-9)
     assert dispersions.distribution is Distribution.NORMAL
     narrow = Dispersions.from_mission(mission, Distribution.CORNERS)
-    assert narrow.half_widths == pytest.approx((0, 0, 0, 70.0, 0.5 * DEGREE, 0), rel=1e-9)
+    assert narrow.half_widths == pytest.approx((70.0, 0.5 * DEGREE), rel=1e-9)
     assert narrow.distribution is Distribution.CORNERS
 
 
 @pytest.mark.parametrize(
     "widths",
-    [(1.0,) * 5, (1.0,) * 7, (1.0, 1.0, -1.0, 1.0, 1.0, 1.0), (1.0, np.nan, 1.0, 1.0, 1.0, 1.0)],
+    [(1.0, 1.0, -1.0, 1.0, 1.0, 1.0), (1.0, np.nan, 1.0, 1.0, 1.0, 1.0), ((1.0,),)],
 )
 def test_bad_half_widths_are_refused(widths: tuple[float, ...]) -> None:
-    with pytest.raises(ValueError, match="half_widths: expected 6 non-negative numbers for"):
+    with pytest.raises(
+        ValueError, match="half_widths: expected non-negative numbers, one per parameter"
+    ):
         Dispersions(widths)
 
 
@@ -140,3 +142,32 @@ def test_bad_half_widths_are_refused(widths: tuple[float, ...]) -> None:
 def test_no_flights_are_refused(shefex3: Mission, n: int) -> None:
     with pytest.raises(ValueError, match=f"n: expected at least one flight, got {n}"):
         Dispersions.from_mission(shefex3).draw(shefex3, n, 1)
+
+
+@pytest.mark.parametrize("count", [5, 7])
+def test_half_widths_of_another_mission_are_refused(shefex3: Mission, count: int) -> None:
+    with pytest.raises(ValueError, match=f"expected 6 numbers for altitude, .*, got {count}"):
+        Dispersions((1.0,) * count).draw(shefex3, 1, 1)
+
+
+def test_a_lopsided_grid_is_filled_and_not_left(shefex3: Mission) -> None:
+    text = shefex3.toml[: shefex3.toml.index("[grid]")]
+    lopsided = parse_mission(
+        text + "[grid]\nspeed_m_per_s = [0.0, 70.0]\ndensity_factor = [-0.1, 0.0, 0.05]\n"
+    )
+    low, high = ([axis[k] for axis in lopsided.grid_axes] for k in (0, -1))
+    drawn = Dispersions.from_mission(lopsided, Distribution.UNIFORM).draw(lopsided, 2000, 8)
+    assert np.all((drawn >= low) & (drawn <= high))
+    assert drawn.min(axis=0) == pytest.approx(low, abs=0.2)
+    assert drawn.max(axis=0) == pytest.approx(high, abs=0.2)
+    corners = Dispersions.from_mission(lopsided, Distribution.CORNERS).draw(lopsided, 200, 8)
+    found = np.unique(corners.round(9), axis=0)
+    assert found == pytest.approx(
+        np.array([[a, b] for a in (low[0], high[0]) for b in (0.9, 1.05)])
+    )
+
+
+@pytest.mark.parametrize("centre", [(1.0,), (1.0, np.nan)])
+def test_a_bad_centre_is_refused(centre: tuple[float, ...]) -> None:
+    with pytest.raises(ValueError, match=r"dispersions\.centre: expected 2 finite offsets"):
+        Dispersions((1.0, 1.0), centre=centre)

@@ -9,6 +9,7 @@ import pytest
 from numpy.typing import NDArray
 
 from ampi.guidance import Guidance
+from ampi.missions.family import MissionFamily
 from ampi.missions.mission import Mission, load_mission
 from ampi.onboard.reference import Mode
 from ampi.onboard.table import GAIN_ROWS, GuidanceTable
@@ -37,7 +38,7 @@ def nominal(mission: Mission) -> Trajectory:
 def gains(mission: Mission, nominal: Trajectory) -> Array:
     """(7, n)."""
     return vertex_gains(
-        mission,
+        MissionFamily((mission,)),
         nominal.mesh,
         nominal.states[None],
         np.array([nominal.final_time]),

@@ -9,6 +9,7 @@ from scipy.integrate import solve_ivp
 
 import database.gains
 from ampi.guidance import Guidance
+from ampi.missions.family import MissionFamily
 from ampi.missions.mission import Mission
 from ampi.physics.equations_of_motion import equations_of_motion
 from ampi.scp.derivatives import scaled_dynamics
@@ -85,11 +86,13 @@ def gains_with_step(
 ) -> Array:
     monkeypatch.setattr(database.gains, "STEP", step)
     final_time = np.array([nominal.final_time])
-    return vertex_gains(mission, nominal.mesh, nominal.states[None], final_time, GainSettings())[0]
+    return vertex_gains(
+        MissionFamily((mission,)), nominal.mesh, nominal.states[None], final_time, GainSettings()
+    )[0]
 
 
 def test_gains_are_those_of_the_riccati_equation(gains: Array, witness: Array) -> None:
-    """Within what zero-order hold over steps of 1 s costs; see the next test."""
+    """Within what zero-order hold over steps of `STEP` costs; see the next test."""
     assert np.all(deviations(gains, witness) < 0.1)
 
 
@@ -109,9 +112,22 @@ def test_the_difference_shrinks_with_the_step(
 def test_equal_cases_have_equal_gains(mission: Mission, nominal: Trajectory, gains: Array) -> None:
     states = np.repeat(nominal.states[None], 3, axis=0)
     final_time = np.full(3, nominal.final_time)
-    batch = vertex_gains(mission, nominal.mesh, states, final_time, GainSettings())
+    batch = vertex_gains(
+        MissionFamily((mission,) * 3), nominal.mesh, states, final_time, GainSettings()
+    )
     for one in batch:
         assert one == pytest.approx(gains, rel=1e-9, abs=1e-12 * np.abs(gains).max())
+
+
+def test_gains_do_not_depend_on_the_company(
+    mission: Mission, nominal: Trajectory, gains: Array
+) -> None:
+    """A flight swept with longer and shorter ones has the gains that it has alone."""
+    final_time = nominal.final_time * np.array([1.0, 0.8, 1.02, 1.4])
+    states = np.repeat(nominal.states[None], 4, axis=0)
+    family = MissionFamily((mission,) * 4)
+    batch = vertex_gains(family, nominal.mesh, states, final_time, GainSettings())
+    assert batch[0] == pytest.approx(gains, rel=1e-9, abs=1e-12 * np.abs(gains).max())
 
 
 def test_a_dearer_bank_rate_means_smaller_gains(
@@ -119,7 +135,7 @@ def test_a_dearer_bank_rate_means_smaller_gains(
 ) -> None:
     cheap, dear = (
         vertex_gains(
-            mission,
+            MissionFamily((mission,)),
             nominal.mesh,
             nominal.states[None],
             np.array([nominal.final_time]),
@@ -142,7 +158,7 @@ def test_a_neighbouring_entry_is_brought_back_to_the_target(
     entries = mission.entry_state + np.vstack([PERTURBATIONS, -PERTURBATIONS])
     misses = []
     for guidance in (tracked, untracked):
-        batch = fly_batch(mission, guidance, entries)
+        batch = fly_batch(mission.family(entries), guidance, entries)
         assert np.all(batch.status == int(FlightStatus.REACHED_SPEED))
         final = batch.final_states
         assert final[:, 3] == pytest.approx(np.full(12, mission.target.speed), abs=1e-3)
@@ -156,7 +172,7 @@ def test_a_neighbouring_entry_is_brought_back_to_the_target(
 
 
 def test_the_nominal_entry_flies_its_optimum(mission: Mission, tracked: Guidance) -> None:
-    batch = fly_batch(mission, tracked, mission.entry_state[None])
+    batch = fly_batch(mission.family(mission.entry_state[None]), tracked, mission.entry_state[None])
     error = batch.states - batch.reference_states
     assert np.nanmax(np.abs(error[0, 0])) < 10.0  # m
     assert np.nanmax(np.abs(error[0, 3])) < 1.0  # m/s

@@ -1,0 +1,195 @@
+"""The parameters p of a mission: which of its numbers the grid disperses, Sagliano 2016, Eqs. (5)–(9).
+
+Any number of a mission may be a parameter. Its key is the path to it in the mission file, with its
+unit where it has one: `target.longitude_deg`, `vehicle.mass_kg`, `vehicle.angle_of_attack.start`. An
+entry state and the factors of density, lift and drag have short keys: `speed_m_per_s` stands for
+`entry.speed_m_per_s`, `density_factor` for `atmosphere.density_factor`. The mesh is no parameter: one
+table holds one set of nodes. So where p moves the angle-of-attack manoeuvre, its kinks leave the phase
+boundaries: give the schedule a `smoothing`. Start ± 4 s on SHEFEX-3 re-integrates to 222 m without, and
+to 6 m with 5 s.
+
+An axis is a list of offsets from the nominal number, in the unit of its key, that holds 0. An axis of
+one point moves nothing and is no dimension of the database.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from difflib import get_close_matches
+from typing import Annotated, Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from pydantic import BaseModel, TypeAdapter, ValidationError
+
+from ampi.missions.units import UNITS, dimension_of, si_symbol
+
+Array = NDArray[np.float64]
+Path = tuple[str, ...]
+
+ENTRY_STATES = ("altitude", "longitude", "latitude", "speed", "flight_path_angle", "azimuth")
+SHORT: dict[Path, str] = {
+    **{("entry", state): state for state in ENTRY_STATES},
+    ("atmosphere", "density_factor"): "density_factor",
+    ("vehicle", "lift_factor"): "lift_factor",
+    ("vehicle", "drag_factor"): "drag_factor",
+}
+MOST_DIMENSIONS = 10
+NOT_PARAMETERS = ("grid", "mesh")
+
+
+@dataclass(frozen=True)
+class MissionNumber:
+    """One number of a mission under one of its keys."""
+
+    key: str  # with the unit, as in a mission file
+    name: str  # without
+    path: Path
+    unit: str  # SI; of a number without a unit in its key, what the mission file says of it
+    per_unit: float  # SI per unit of the key
+    nominal: float  # SI
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """A number and the values (SI, rad) at which the database holds optima."""
+
+    number: MissionNumber
+    key: str  # as written in the grid
+    offsets: tuple[float, ...]  # from the nominal value, in the unit of the key
+
+    @property
+    def name(self) -> str:
+        """Its name in tables: `speed`, `density_factor`, `target.longitude`."""
+        return self.number.name
+
+    @property
+    def axis(self) -> Array:
+        """Values (not offsets), SI and radians."""
+        return np.array([o * self.number.per_unit for o in self.offsets]) + self.number.nominal
+
+
+def mission_numbers(section: BaseModel, path: Path = ()) -> Iterator[MissionNumber]:
+    """Every number below `section`, once under each unit that it may be given in."""
+    for name, info in type(section).model_fields.items():
+        value, here = getattr(section, name), (*path, name)
+        if not path and name in NOT_PARAMETERS:
+            continue
+        if isinstance(value, BaseModel):
+            yield from mission_numbers(value, here)
+        elif isinstance(value, tuple):
+            for i, item in enumerate(value):
+                if isinstance(item, BaseModel):
+                    yield from mission_numbers(item, (*here, str(i)))
+        elif isinstance(value, float):
+            dimension = dimension_of(info)
+            short = SHORT.get(here, ".".join(here))
+            if dimension is None:
+                symbol = "1" if name.endswith("_factor") else "as in the mission file"
+                yield MissionNumber(short, short, here, symbol, 1.0, value)
+                continue
+            for unit, factor in UNITS[dimension.name].items():
+                symbol = si_symbol(dimension.name)
+                yield MissionNumber(f"{short}_{unit}", short, here, symbol, factor, value)
+
+
+def resolve(mission: BaseModel, grid: Mapping[str, tuple[float, ...]]) -> tuple[Parameter, ...]:
+    """The parameters that `grid` (key → offsets) names: entry states first, then as they stand.
+
+    Raises
+    ------
+    ValueError
+        Naming the key that is no number of the mission, that comes twice, or that cannot take a value
+        of its axis.
+    """
+    known = {number.key: number for number in mission_numbers(mission)}
+    long = {".".join(n.path) + n.key[len(n.name) :]: n for n in known.values()}
+    found: dict[str, Parameter] = {}
+    for key, offsets in grid.items():
+        number = known.get(key) or long.get(key)
+        if number is None:
+            near = get_close_matches(key, {**known, **long}, n=4, cutoff=0.5)
+            raise ValueError(
+                f"grid.{key}: expected a number of this mission with its unit in the key"
+                f"{', such as ' + ', '.join(near) if near else ''}; got {key!r}"
+            )
+        if number.name in found:
+            raise ValueError(f"grid.{key}: {number.name} has an axis already; remove one of them")
+        found[number.name] = Parameter(number, key, offsets)
+    entry = [found.pop(state) for state in ENTRY_STATES if state in found]
+    parameters = tuple(p for p in (*entry, *found.values()) if len(p.offsets) > 1)
+    if len(parameters) > MOST_DIMENSIONS:
+        raise ValueError(
+            f"grid: expected at most {MOST_DIMENSIONS} axes of two or more points, "
+            f"got {len(parameters)}; leave some numbers at their nominal value"
+        )
+    return parameters
+
+
+def check_value(section: BaseModel, path: Path, value: float) -> None:
+    """Raise ValueError if the field at `path` does not admit `value` (SI)."""
+    for part in path[:-1]:
+        section = section[int(part)] if isinstance(section, tuple) else getattr(section, part)
+    info = type(section).model_fields[path[-1]]
+    field: Any = Annotated[(info.annotation, *info.metadata)]
+    try:
+        TypeAdapter(field).validate_python(value)
+    except ValidationError as error:
+        raise ValueError(f"{error.errors()[0]['msg']} (got {value!r} in SI units)") from None
+
+
+def moved(section: Any, path: Path, value: float) -> Any:
+    """`section` with `value` (SI) at `path`, unchecked; it shares all that stays, itself included."""
+    if not path:
+        return value
+    if isinstance(section, tuple):
+        i = int(path[0])
+        return (*section[:i], moved(section[i], path[1:], value), *section[i + 1 :])
+    before = getattr(section, path[0])
+    after = moved(before, path[1:], value)
+    same = after is before or (isinstance(before, float) and after == before)
+    return section if same else section.model_copy(update={path[0]: after})
+
+
+def parameter_values(parameters: tuple[Parameter, ...], given: ArrayLike) -> Array:
+    """`given` as one finite number per parameter.
+
+    Raises
+    ------
+    ValueError
+        Naming the parameters that are wanted.
+    """
+    values = np.asarray(given, dtype=float)
+    if values.shape != (len(parameters),) or not np.all(np.isfinite(values)):
+        names = ", ".join(p.name for p in parameters)
+        raise ValueError(
+            f"parameters: expected {len(parameters)} finite numbers ({names}), got {values}"
+        )
+    return values
+
+
+def measured_values(
+    mission: BaseModel, parameters: tuple[Parameter, ...], given: Mapping[str, float]
+) -> Array:
+    """p (d,) with the numbers `given` by key, in the key's unit; the others are nominal.
+
+    Raises
+    ------
+    ValueError
+        Naming a key that is no parameter, or a value that is no finite number.
+    """
+    at = {parameter.name: i for i, parameter in enumerate(parameters)}
+    numbers = [n for n in mission_numbers(mission) if n.name in at]
+    known = {n.key: n for n in sorted(numbers, key=lambda n: at[n.name])}
+    values = np.array([parameter.number.nominal for parameter in parameters])
+    for key, value in given.items():
+        if key not in known:
+            raise ValueError(
+                f"{key}: expected a parameter of this mission ({', '.join(known)}); all else is "
+                "nominal, in the database as in its reference"
+            )
+        if not np.isfinite(value):
+            raise ValueError(f"{key}: expected a finite number, got {value}")
+        values[at[known[key].name]] = value * known[key].per_unit
+    return values

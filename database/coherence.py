@@ -1,0 +1,167 @@
+"""Is the family smooth in p? Second differences over the grid, and the cases that stand out of it.
+
+Along a line of the grid, at three neighbouring points a < b < c of an axis, the middle optimum misses
+the chord of its neighbours by
+
+    δ = f_b − [(c − b) f_a + (b − a) f_c] / (c − a) = −(b − a)(c − b) f[a, b, c],             (1)
+
+with f[a, b, c] the second divided difference: small where the optima are one smooth function of p, on
+any uneven axis. |δ| is taken at every node and its greatest kept, for each state and for the final time.
+What counts as small is the family's own roughness: for each row
+
+    s = max over the axes of (median |δ| + 1.4826 MAD |δ|),                                    (2)
+
+which a few bad cases cannot move: |δ| / s is the irregularity of a triple. An optimum of another branch
+spoils every line through it, a good one beside it only the line they share, so
+
+    roughness of a case = min over the triples that hold it of max over the rows of |δ| / s.   (3)
+
+Every triple above `THRESHOLD` must have somebody to blame: the roughest of its three cases, and of
+equally rough ones the farthest from the hypercentre. With a single line (d = 1) all three are equally
+rough and the blame is a guess; re-solving the case (database/repair.py) tells.
+"""
+
+from __future__ import annotations
+
+import warnings
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ampi.dataset import TrajectoryDataset
+from ampi.physics.equations_of_motion import STATES
+from database.grid import Grid
+
+Array = NDArray[np.float64]
+
+ROWS = (*STATES, "final_time")
+# The 729 optima of SHEFEX-3 reach 5 (their 2187 with density 6), a case of its other branch 16 to 40.
+THRESHOLD = 10.0
+
+
+@dataclass(frozen=True)
+class Outlier:
+    """A case that stands out of its family."""
+
+    case: int
+    index: tuple[int, ...]
+    parameters: dict[str, float]  # SI, rad
+    roughness: float  # Eq. (3)
+
+
+@dataclass(frozen=True, eq=False)
+class Coherence:
+    """Roughness of every case and of every row, and who stands out."""
+
+    triples: int
+    scale: Array  # (8,), Eq. (2): SI, rad
+    worst: Array  # (8,), greatest |δ| / s of each row
+    roughness: Array  # (p…), Eq. (3); 0 where no axis has three points
+    outliers: tuple[Outlier, ...]
+
+
+def family_rows(dataset: TrajectoryDataset) -> Array:
+    """States and final time at the nodes, (p…, 8, n)."""
+    final_time = dataset.final_time[..., None, None]
+    n = dataset.states.shape[-1]
+    return np.concatenate(
+        [dataset.states, np.broadcast_to(final_time, (*dataset.shape, 1, n))], axis=-2
+    )
+
+
+def coherence(dataset: TrajectoryDataset) -> Coherence:
+    """Measure a database; failed cases take no part."""
+    grid, rows = Grid.from_mission(dataset.mission), family_rows(dataset)
+    misses = {
+        i: chord_misses(axis, np.moveaxis(rows, i, 0))
+        for i, axis in enumerate(dataset.axes)
+        if len(axis) > 2
+    }
+    if not misses:
+        nothing = np.zeros(len(ROWS))
+        return Coherence(0, nothing, nothing, np.zeros(dataset.shape), ())
+    scale = family_scale(list(misses.values()))
+    ratios = {i: miss / scale for i, miss in misses.items()}
+    roughness = np.full(dataset.shape, np.inf)
+    for i, ratio in ratios.items():
+        along, worst = np.moveaxis(roughness, i, 0), _known(ratio.max(axis=-1), np.inf)
+        for k in range(3):  # a triple's three cases
+            part = along[k : k + len(worst)]
+            np.minimum(part, worst, out=part)
+    roughness = _known(roughness, 0.0)
+    blamed = _blamed(grid, roughness, ratios)
+    return Coherence(
+        triples=sum(int(np.prod(r.shape[:-1])) for r in ratios.values()),
+        scale=scale,
+        worst=np.max(
+            [_known(r, 0.0).reshape(-1, len(ROWS)).max(axis=0) for r in ratios.values()], 0
+        ),
+        roughness=roughness,
+        outliers=tuple(_outlier(grid, case, roughness) for case in blamed),
+    )
+
+
+def chord_misses(axis: Array, rows: Array) -> Array:
+    """|δ| of Eq. (1), greatest over the nodes: rows (k, …, r, n) along `axis` (k,) → (k − 2, …, r)."""
+    share = (axis[1:-1] - axis[:-2]) / (axis[2:] - axis[:-2])
+    w = share.reshape(-1, *[1] * (rows.ndim - 1))
+    miss: Array = np.abs(rows[1:-1] - (1.0 - w) * rows[:-2] - w * rows[2:]).max(axis=-1)
+    return miss
+
+
+def family_scale(misses: list[Array]) -> Array:
+    """s of Eq. (2), (r,)."""
+    found = []
+    for miss in misses:
+        flat = miss.reshape(-1, miss.shape[-1])
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", RuntimeWarning)  # a line of failed cases has no median
+            median = np.nanmedian(flat, axis=0)
+            spread = np.nanmedian(np.abs(flat - median), axis=0)
+        found.append(_known(median + 1.4826 * spread, 0.0))
+    scale: Array = np.max(found, axis=0)
+    return np.where(scale > 0.0, scale, np.inf)
+
+
+def case_roughness(
+    axes: tuple[Array, ...], rows: Array, index: tuple[int, ...], scale: Array
+) -> float:
+    """Eq. (3) of one case, from the lines through it."""
+    found = [np.inf]
+    for i, axis in enumerate(axes):
+        low, high = max(0, index[i] - 2), min(len(axis), index[i] + 3)
+        if high - low < 3:
+            continue
+        through: Any = (*index[:i], slice(low, high), *index[i + 1 :])
+        line = rows[through]
+        found += (chord_misses(axis[low:high], line) / scale).max(axis=-1).tolist()
+    known = [value for value in found if np.isfinite(value)]
+    return min(known, default=0.0)
+
+
+def _blamed(grid: Grid, roughness: Array, ratios: dict[int, Array]) -> list[int]:
+    distance = np.zeros(grid.shape, dtype=int)
+    for i, centre in enumerate(grid.centre):
+        shape = [1] * len(grid.shape)
+        shape[i] = -1
+        distance += np.abs(np.arange(grid.shape[i]) - centre).reshape(shape)
+    blamed: set[int] = set()
+    for i, ratio in ratios.items():
+        for place in np.argwhere(_known(ratio.max(axis=-1), 0.0) > THRESHOLD):
+            k, others = int(place[0]), place[1:].tolist()
+            three = [(*others[:i], k + step, *others[i:]) for step in range(3)]
+            worst = max(three, key=lambda at: (float(roughness[at]), int(distance[at])))
+            blamed.add(int(np.ravel_multi_index(worst, grid.shape)))
+    return sorted(blamed, key=lambda case: (-float(roughness.ravel()[case]), case))
+
+
+def _outlier(grid: Grid, case: int, roughness: Array) -> Outlier:
+    index = tuple(int(i) for i in np.unravel_index(case, grid.shape))
+    point = dict(zip(grid.names, grid.point(case).tolist(), strict=True))
+    return Outlier(case, index, point, float(roughness[index]))
+
+
+def _known(values: Array, otherwise: float) -> Array:
+    return np.where(np.isfinite(values), values, otherwise)

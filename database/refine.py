@@ -1,0 +1,109 @@
+"""One more point on one axis: the refined mission, with every solved case of the old database in it.
+
+The grid is a Cartesian product, so a new axis value adds a whole layer of cases; every old case is a
+case of the new grid. The mission's text is edited, not its parsed form: the file carries the text.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from ampi.dataset import TrajectoryDataset, read_dataset
+from ampi.missions.mission import Mission, parse_mission
+from database.build import BuildReport, KnownCase, build
+from database.error_map import CellError, best_cell, error_map
+from database.grid import Grid
+
+
+class RefineError(ValueError):
+    """A database that cannot be refined; the message says what to do."""
+
+
+@dataclass(frozen=True)
+class RefineReport:
+    """What was added, and what it took."""
+
+    cell: CellError
+    offset: float  # of the new point, in the unit of the cell's key
+    reused: int
+    solved_anew: int
+    build: BuildReport
+
+
+def refine(
+    path: str | Path,
+    output: str | Path,
+    *,
+    parameter: str | None = None,
+    n_jobs: int = 2,
+    advance: Callable[[int], None] | None = None,
+) -> RefineReport:
+    """Write the database of `path` with one more point, where it pays most, to `output`.
+
+    Parameters
+    ----------
+    path, output
+        Database files; `output` is new, or a database of the same refined mission.
+    parameter
+        The axis, by the parameter's name; None: the one where a point pays most.
+    n_jobs
+        Worker processes.
+    advance
+        Called with the number of cases just finished.
+    """
+    dataset = read_dataset(path)
+    cell = best_cell(error_map(dataset, n_jobs=n_jobs), parameter)
+    offset = 0.5 * (cell.low + cell.high)
+    refined = with_point(dataset.mission, cell.parameter, offset)
+    known = carried_over(dataset, refined, cell.parameter)
+    report = build(refined, output, n_jobs=n_jobs, known=known, advance=advance)
+    return RefineReport(cell, offset, len(known), report.cases - len(known), report)
+
+
+def with_point(mission: Mission, parameter: str, offset: float) -> Mission:
+    """The mission with `offset` (in the unit of the axis' key) added to an axis of its grid.
+
+    Raises
+    ------
+    RefineError
+        If the axis does not stand in the mission's [grid] table as KEY = [offsets].
+    """
+    axis = next(p for p in mission.parameters if p.name == parameter)
+    offsets = sorted({*axis.offsets, offset})
+    grid = re.search(r"^[ \t]*\[[ \t]*grid[ \t]*\].*$", mission.toml, re.MULTILINE)
+    begin = grid.end() if grid else len(mission.toml)
+    after = re.compile(r"^[ \t]*\[", re.MULTILINE).search(mission.toml, begin)
+    end = after.start() if after else len(mission.toml)
+    line = rf"^([ \t]*[\"']?{re.escape(axis.key)}[\"']?[ \t]*=[ \t]*)\[[^\]]*\]"
+    values = ", ".join(repr(value) for value in offsets)
+    section, count = re.subn(line, rf"\g<1>[{values}]", mission.toml[begin:end], flags=re.MULTILINE)
+    text = mission.toml[:begin] + section + mission.toml[end:]
+    if count != 1:
+        raise RefineError(
+            f"{mission.name}: expected the axis of {parameter} as one line {axis.key} = [...] of the "
+            f"[grid] table, found {count}; write it so, with {offset:g} in it, and build"
+        )
+    return parse_mission(text, label=f"{mission.name}, refined")
+
+
+def carried_over(
+    dataset: TrajectoryDataset, refined: Mission, parameter: str
+) -> dict[int, KnownCase]:
+    """The solved cases of a database, numbered as in the refined mission's grid."""
+    old, new = Grid.from_mission(dataset.mission), Grid.from_mission(refined)
+    i = old.names.index(parameter)
+    moved_to = [int(np.flatnonzero(new.axes[i] == value)[0]) for value in old.axes[i]]
+    known: dict[int, KnownCase] = {}
+    for case in np.flatnonzero(dataset.solved.ravel()):
+        index = [int(k) for k in np.unravel_index(case, old.shape)]
+        index[i] = moved_to[index[i]]
+        number = int(np.ravel_multi_index(index, new.shape))
+        kept = KnownCase.of(dataset, int(case))
+        message = f"case {case} of the grid before refinement: {kept.message}"
+        known[number] = KnownCase(kept.trajectory, message)
+    return known

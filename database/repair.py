@@ -1,0 +1,95 @@
+"""A case that stands out of its family is solved again from each of its neighbours.
+
+Of what the neighbours lead to and what stands there, the case's smoothest optimum is kept: the one of
+least roughness (database/coherence.py, Eq. (3)). All else of the file stays, to the bit.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ampi.dataset import partial_folder, read_dataset
+from ampi.scp.solve import solve
+from ampi.trajectory import Trajectory
+from database.build import BuildError, KnownCase, build
+from database.coherence import Outlier, case_roughness, coherence, family_rows
+from database.grid import Grid
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Repair:
+    """What became of one outlier."""
+
+    outlier: Outlier
+    roughness: float  # of what is kept
+    replaced: bool
+    message: str
+
+
+def repair(path: str | Path, *, n_jobs: int = 2) -> tuple[Repair, ...]:
+    """Re-solve the outliers of a database and replace the file if any became smoother.
+
+    Raises
+    ------
+    BuildError
+        If an unfinished build of the same file stands in the way.
+    """
+    if partial_folder(path).is_dir():
+        raise BuildError(
+            f"{path}: expected no unfinished build beside the file, got {partial_folder(path)}; "
+            "finish it with ampi build, or delete the folder"
+        )
+    dataset = read_dataset(path)
+    found = coherence(dataset)
+    rows, grid = family_rows(dataset), Grid.from_mission(dataset.mission)
+    suspects = {outlier.case for outlier in found.outliers}
+    known = {
+        int(case): KnownCase.of(dataset, int(case))
+        for case in np.flatnonzero(dataset.solved.ravel())
+    }
+    done = []
+    for outlier in found.outliers:
+        best, roughness, message = None, outlier.roughness, "no neighbour leads to a smoother one"
+        for neighbour in _neighbours(grid, outlier.index):
+            if neighbour in suspects or neighbour not in known:
+                continue
+            mission = dataset.mission.with_parameters(grid.point(outlier.case))
+            candidate = solve(mission, guess=known[neighbour].trajectory)
+            if not candidate.status.ok:
+                continue
+            rows[outlier.index] = _rows(candidate)
+            there = case_roughness(dataset.axes, rows, outlier.index, found.scale)
+            if there < roughness:
+                best, roughness = candidate, there
+                message = f"re-solved from case {neighbour}: {candidate.status.sentence}"
+        suspects.discard(outlier.case)
+        rows[outlier.index] = _rows(best or known[outlier.case].trajectory)
+        if best is not None:
+            known[outlier.case] = KnownCase(best, message)
+        done.append(Repair(outlier, roughness, best is not None, message))
+    if any(one.replaced for one in done):
+        build(dataset.mission, path, n_jobs=n_jobs, known=known)
+    return tuple(done)
+
+
+def _rows(trajectory: Trajectory) -> Array:
+    final_time = np.full((1, trajectory.states.shape[1]), trajectory.final_time)
+    return np.concatenate([trajectory.states, final_time])
+
+
+def _neighbours(grid: Grid, index: tuple[int, ...]) -> list[int]:
+    """Cases one step away along each axis, on both sides."""
+    found = []
+    for axis, size in enumerate(grid.shape):
+        for step in (-1, 1):
+            k = index[axis] + step
+            if 0 <= k < size:
+                there = (*index[:axis], k, *index[axis + 1 :])
+                found.append(int(np.ravel_multi_index(there, grid.shape)))
+    return found

@@ -1,0 +1,126 @@
+"""Second differences over the grid: laws on synthetic families, then a case of the other branch."""
+
+from __future__ import annotations
+
+import dataclasses
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+import ampi
+import database
+from ampi.dataset import TrajectoryDataset, partial_folder, read_dataset
+from ampi.loading import load_guidance
+from ampi.missions.mission import Mission
+from database.build import BuildError, KnownCase
+from database.coherence import THRESHOLD, case_roughness, chord_misses, coherence, family_rows
+from database.grid import Grid
+from database.repair import repair
+
+Array = NDArray[np.float64]
+
+steps = st.lists(st.floats(0.1, 3.0), min_size=2, max_size=5)
+
+
+@settings(deadline=None, max_examples=50)
+@given(steps=steps, a=st.floats(-5, 5), b=st.floats(-5, 5), c=st.floats(-5, 5))
+def test_a_parabola_misses_its_chord_by_the_divided_difference(
+    steps: list[float], a: float, b: float, c: float
+) -> None:
+    """Eq. (1) on uneven axes: f[a, b, c] of a + b p + c p² is c."""
+    p = np.cumsum([0.7, *steps])
+    miss = chord_misses(p, (a + b * p + c * p * p)[:, None, None])[:, 0]
+    expected = np.abs(c) * (p[1:-1] - p[:-2]) * (p[2:] - p[1:-1])
+    assert miss == pytest.approx(expected, abs=1e-10)
+
+
+def synthetic(dataset: TrajectoryDataset, seed: int = 5) -> TrajectoryDataset:
+    """A smooth family over the dataset's own grid, curved in every direction."""
+    rng = np.random.default_rng(seed)
+    grid = np.stack(np.meshgrid(*[np.linspace(-1, 1, n) for n in dataset.shape], indexing="ij"))
+    shape = dataset.states.shape[-2:]
+    states = np.zeros(dataset.states.shape)
+    for one in grid:
+        states += one[..., None, None] * rng.standard_normal(shape)
+        states += (one**2)[..., None, None] * rng.uniform(0.5, 1.0, shape)
+    return dataclasses.replace(dataset, states=states)
+
+
+@pytest.mark.parametrize("case", range(9))
+def test_one_jump_is_blamed_on_the_case_that_jumped(small_database: Path, case: int) -> None:
+    smooth = synthetic(read_dataset(small_database))
+    assert coherence(smooth).outliers == ()
+    states = smooth.states.copy()
+    states.reshape(9, 7, -1)[case, 6] += 200.0
+    jumped = dataclasses.replace(smooth, states=states)
+    found = coherence(jumped)
+    assert [o.case for o in found.outliers] == [case]
+    index = found.outliers[0].index
+    again = case_roughness(jumped.axes, family_rows(jumped), index, found.scale)
+    assert again == pytest.approx(found.outliers[0].roughness)
+
+
+def test_a_failed_case_takes_no_part(small_database: Path) -> None:
+    smooth = synthetic(read_dataset(small_database))
+    states = smooth.states.copy()
+    states[0, 0] = np.nan
+    found = coherence(dataclasses.replace(smooth, states=states))
+    assert found.outliers == ()
+    assert np.all(np.isfinite(found.roughness))
+
+
+def test_the_family_of_the_mission_is_smooth(small_database: Path) -> None:
+    found = coherence(read_dataset(small_database))
+    assert found.triples == 6
+    assert found.worst.max() < 0.2 * THRESHOLD
+    assert found.outliers == ()
+
+
+@pytest.fixture(scope="module")
+def planted(
+    small_mission: Mission, small_database: Path, tmp_path_factory: pytest.TempPathFactory
+) -> Path:
+    """The small database with one corner on the branch of −30 degrees of bank."""
+    dataset, grid = read_dataset(small_database), Grid.from_mission(small_mission)
+    known = {case: KnownCase.of(dataset, case) for case in range(9)}
+    other = ampi.solve(
+        small_mission.with_parameters(grid.point(2)), guess=ampi.ConstantBank(np.radians(-30.0))
+    )
+    assert other.status.ok
+    assert np.sign(other.states[6, 0]) != np.sign(dataset.states[0, 2, 6, 0])
+    known[2] = KnownCase(other, "planted")
+    path = tmp_path_factory.mktemp("planted") / "planted.h5"
+    assert database.build(small_mission, path, n_jobs=1, known=known).resumed == 9
+    return path
+
+
+def test_a_case_of_the_other_branch_is_named_and_solved_again(
+    planted: Path, small_database: Path
+) -> None:
+    before, good = read_dataset(planted), read_dataset(small_database)
+    assert before.message[0, 2] == b"planted"
+    assert [o.index for o in coherence(before).outliers] == [(0, 2)]
+    (done,) = repair(planted, n_jobs=1)
+    assert done.replaced
+    assert done.outlier.roughness > THRESHOLD > 1.0 > done.roughness
+    after = read_dataset(planted)
+    assert coherence(after).outliers == ()
+    assert after.message[0, 2].startswith(b"re-solved from case ")
+    assert after.cost[0, 2] == pytest.approx(good.cost[0, 2], rel=1e-6)
+    assert np.abs(after.states[0, 2] - good.states[0, 2])[6].max() < np.radians(0.01)
+    others = np.arange(9) != 2
+    for name in ("states", "bank_rate", "final_time", "cost", "iterations", "message"):
+        kept, were = (getattr(d, name).reshape(9, -1)[others] for d in (after, before))
+        assert np.array_equal(kept, were), name
+    assert load_guidance(planted).reference(after.mission.nominal_parameters).inside
+    untouched = planted.read_bytes()
+    partial_folder(planted).mkdir()
+    with pytest.raises(BuildError, match="expected no unfinished build beside the file, got"):
+        repair(planted, n_jobs=1)
+    partial_folder(planted).rmdir()
+    assert repair(planted, n_jobs=1) == ()
+    assert planted.read_bytes() == untouched

@@ -1,0 +1,155 @@
+"""The error map against problems solved in the cells, and one more point where it pays."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import ampi
+import database
+from ampi.dataset import TrajectoryDataset, read_dataset
+from ampi.loading import guidance_table
+from ampi.missions.mission import Mission, parse_mission
+from ampi.onboard.reference import Mode
+from ampi.trajectory import Status, Trajectory
+from database.audit import nodal_reference
+from database.error_map import COLUMNS, CellError, best_cell, error_map
+from database.refine import RefineError, RefineReport, refine, with_point
+
+UNEVEN = """[grid]
+speed_m_per_s = [-70.0, 0.0]  # two points: probed
+flight_path_angle_deg = [-0.5, 0.0, 0.2]
+"""
+
+
+@pytest.fixture(scope="module")
+def uneven_file(small_mission: Mission, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Six cases: an axis of two points, and one of three uneven ones."""
+    text = small_mission.toml[: small_mission.toml.index("[grid]")] + UNEVEN
+    path = tmp_path_factory.mktemp("uneven") / "uneven.h5"
+    assert database.build(parse_mission(text), path, n_jobs=2).solved == 6
+    return path
+
+
+@pytest.fixture(scope="module")
+def uneven(uneven_file: Path) -> TrajectoryDataset:
+    return read_dataset(uneven_file)
+
+
+@pytest.fixture(scope="module")
+def cells(uneven: TrajectoryDataset) -> tuple[CellError, ...]:
+    return error_map(uneven, n_jobs=1)
+
+
+def error_at(dataset: TrajectoryDataset, point: np.ndarray) -> dict[str, float]:
+    """AMPI against the problem solved at `point`."""
+    states, rate, final_time = nodal_reference(guidance_table(dataset), Mode.AMPI, point)
+    mission = dataset.mission
+    mesh = mission.pseudospectral_mesh
+    guess = Trajectory(mesh, states, rate, final_time, np.nan, Status.SOLVED)
+    truth = ampi.solve(mission.with_parameters(point), guess=guess)
+    assert truth.status.ok
+    worst = np.abs(states - truth.states).max(axis=1)
+    found = (worst[0], worst[3], np.degrees(worst[6]), abs(final_time - truth.final_time))
+    return dict(zip(COLUMNS, found, strict=True))
+
+
+def test_every_cell_of_every_axis_is_in_the_map(cells: tuple[CellError, ...]) -> None:
+    assert [(c.parameter, c.low, c.high, c.source, c.new_cases) for c in cells] == [
+        ("speed", -70.0, 0.0, "probes", 3),
+        ("flight_path_angle", -0.5, 0.0, "leave-one-out", 2),
+        ("flight_path_angle", 0.0, 0.2, "leave-one-out", 2),
+    ]
+    # all of the error, but for the quarter that a point in every cell would leave
+    assert sum(c.gain for c in cells) == pytest.approx(0.75)
+
+
+def test_the_map_foretells_the_error_in_the_middle_of_a_cell(
+    uneven: TrajectoryDataset, cells: tuple[CellError, ...]
+) -> None:
+    for cell in cells[1:]:
+        axis = uneven.mission.nominal_parameters[1]
+        middle = axis + np.radians(0.5 * (cell.low + cell.high))
+        found = error_at(uneven, np.array([uneven.axes[0][1], middle]))
+        for column in ("altitude_m", "speed_m_per_s", "bank_deg"):
+            assert 0.4 < cell.errors[column] / found[column] < 2.5, (cell.low, column)
+
+
+def test_a_probed_error_is_that_of_the_middle(
+    uneven: TrajectoryDataset, cells: tuple[CellError, ...]
+) -> None:
+    found = [error_at(uneven, np.array([uneven.axes[0].mean(), v])) for v in uneven.axes[1]]
+    for column in COLUMNS:
+        expected = np.percentile([one[column] for one in found], 90.0)
+        assert cells[0].errors[column] == pytest.approx(expected, rel=1e-3)
+
+
+def test_the_best_cell_pays_most_per_solve(cells: tuple[CellError, ...]) -> None:
+    best = best_cell(cells)
+    assert best.gain_per_case == max(c.gain / c.new_cases for c in cells)
+    assert (best.parameter, best.low) == ("flight_path_angle", -0.5)
+    assert best_cell(cells, "speed") is best_cell(cells, "speed_m_per_s") is cells[0]
+    with pytest.raises(ValueError, match="expected one of speed, flight_path_angle, got 'mass'"):
+        best_cell(cells, "mass")
+
+
+@pytest.fixture(scope="module")
+def refined(
+    uneven_file: Path, tmp_path_factory: pytest.TempPathFactory
+) -> tuple[RefineReport, Path]:
+    path = tmp_path_factory.mktemp("refined") / "refined.h5"
+    return refine(uneven_file, path, n_jobs=2), path
+
+
+def test_refining_solves_what_is_new_alone(
+    uneven: TrajectoryDataset, refined: tuple[RefineReport, Path]
+) -> None:
+    report, path = refined
+    assert (report.reused, report.solved_anew, report.offset) == (6, 2, -0.25)
+    assert (report.build.resumed, report.build.solved, report.build.cases) == (6, 8, 8)
+    after = read_dataset(path)
+    assert after.shape == (2, 4)
+    for name in ("states", "bank_rate", "final_time", "cost", "iterations"):
+        assert np.array_equal(getattr(after, name)[:, [0, 2, 3]], getattr(uneven, name)), name
+    assert after.message[1, 2] == (b"case 4 of the grid before refinement: " + uneven.message[1, 1])
+    assert after.mission.grid.offsets["flight_path_angle_deg"] == (-0.5, -0.25, 0.0, 0.2)
+    assert "# two points: probed" in after.attributes["mission_toml"]
+    assert all(error < 10.0 for error in after.position_error.ravel())
+
+
+def test_the_refined_file_interpolates_better(
+    uneven: TrajectoryDataset, refined: tuple[RefineReport, Path]
+) -> None:
+    point = uneven.mission.nominal_parameters + np.array([0.0, np.radians(-0.2)])
+    before, after = error_at(uneven, point), error_at(read_dataset(refined[1]), point)
+    assert after["altitude_m"] < 0.5 * before["altitude_m"]
+    assert after["bank_deg"] < 0.5 * before["bank_deg"]
+
+
+def test_a_point_is_added_to_the_text_and_to_nothing_else(small_mission: Mission) -> None:
+    lines = set(small_mission.toml.splitlines())
+    refined = with_point(small_mission, "speed", 35.0)
+    assert set(refined.toml.splitlines()) - lines == {"speed_m_per_s = [-70.0, 0.0, 35.0, 70.0]"}
+    assert refined.model_copy(update={"grid": small_mission.grid, "toml": small_mission.toml}) == (
+        small_mission
+    )
+
+
+@pytest.mark.parametrize(
+    "axis",
+    ['"vehicle.mass_kg" = [0, 5]', "vehicle.mass_kg = [0,\n 5,\n]", "'vehicle.mass_kg'=[0, 5.0]"],
+)
+def test_an_axis_may_be_written_as_toml_allows(small_mission: Mission, axis: str) -> None:
+    text = small_mission.toml + axis + "\n[[no_fly_zone]]\n"
+    text += "longitude_deg = 0.0\nlatitude_deg = 0.0\nradius_km = 1.0\n"
+    mission = with_point(parse_mission(text), "vehicle.mass", 2.5)
+    assert mission.grid.offsets["vehicle.mass_kg"] == (0.0, 2.5, 5.0)
+    assert len(mission.no_fly_zone) == 1
+
+
+def test_an_axis_that_cannot_be_found_is_told(small_mission: Mission) -> None:
+    mission = parse_mission(small_mission.toml + "[grid.vehicle]\nmass_kg = [0.0, 5.0]\n")
+    with pytest.raises(RefineError, match=r"axis of vehicle\.mass as one line vehicle\.mass_kg"):
+        with_point(mission, "vehicle.mass", 2.5)
