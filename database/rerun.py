@@ -17,6 +17,7 @@ from ampi.trajectory import Trajectory
 from database.continuation import layers
 from database.grid import Grid
 from database.jobs import Campaign, attempts, follow, no_trajectory, path_to
+from database.prediction import predicted
 from database.records import load_record
 
 PATIENCE = 86400.0  # s for one solve: a person is watching, and can stop it
@@ -84,9 +85,12 @@ def rerun(
     if not 0 <= case < grid.size:
         raise ValueError(f"case: expected a number from 0 to {grid.size - 1}, got {case}")
     starts = _solved_neighbours(grid, case, stored)
+    continued = predicted(grid, case, lambda corner: _solved(stored, corner))
     results: list[AttemptResult] = []
-    for attempt in attempts(list(starts), predicted=False):
-        start = None if attempt.neighbour is None else starts[attempt.neighbour]
+    for attempt in attempts(list(starts), predicted=continued is not None):
+        start = continued if attempt.predicted else None
+        if attempt.neighbour is not None:
+            start = starts[attempt.neighbour]
         try:
             flown, solves = follow(campaign, path_to(mission, grid, case, attempt), start)
             result = AttemptResult(str(attempt), flown.status.sentence, solves, flown)
@@ -139,9 +143,10 @@ def _open(path: Path) -> tuple[str, Stored]:
 
 def _solved_neighbours(grid: Grid, case: int, stored: Stored) -> dict[int, Trajectory]:
     planned = next(p for layer in layers(grid) for p in layer if p.case == case)
-    found = {}
-    for neighbour in planned.neighbours:
-        known = stored(neighbour)
-        if known is not None and known[0].status.ok:
-            found[neighbour] = known[0]
-    return found
+    found = {neighbour: _solved(stored, neighbour) for neighbour in planned.neighbours}
+    return {neighbour: start for neighbour, start in found.items() if start is not None}
+
+
+def _solved(stored: Stored, case: int) -> Trajectory | None:
+    known = stored(case)
+    return known[0] if known is not None and known[0].status.ok else None

@@ -1,0 +1,35 @@
+"""The active set against Clarabel on the subproblems of real solves."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import ampi.scp.exact_hessian as loop
+from ampi.missions import Mission
+from ampi.scp.active_set import solve_active_set
+from ampi.scp.solve import solve
+from ampi.scp.subproblem import ConvexSubproblem, Step, solve_subproblem
+from ampi.trajectory import Trajectory
+
+
+def test_it_solves_what_clarabel_solves(
+    mission: Mission, nominal: Trajectory, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    seen: list[float] = []
+
+    def both(problem: ConvexSubproblem) -> Step | None:
+        step = solve_active_set(problem)
+        if step is not None:
+            other = solve_subproblem(problem)
+            seen.append(float(np.abs(step.z - other.z).max()))
+            assert step.target_multiplier == pytest.approx(
+                other.target_multiplier, rel=1e-3, abs=1e-3
+            )
+        return step
+
+    monkeypatch.setattr(loop, "solve_active_set", both)
+    corner = mission.with_parameters([axis[-1] for axis in mission.grid_axes])
+    assert solve(corner, guess=nominal).status.ok
+    assert len(seen) >= 3
+    assert max(seen) < 1e-6
