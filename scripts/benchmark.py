@@ -21,6 +21,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from ipopt_baseline import compare
 
 import ampi
 from ampi.dataset import read_dataset
@@ -142,6 +143,7 @@ def measure(*, fresh: bool, probes: int) -> dict[str, Any]:
         found["audit"] = audit(read_dataset(path), probes=probes, n_jobs=JOBS).as_dict()
         found["latency_us"] = online_latency(path)
         found["flights"] = campaigns(path)
+    found["grid"] = compare(ampi.load_mission("shefex3"), JOBS)
     if fresh:
         found["fresh_demo_seconds"] = fresh_demo()
     found["machine"] = f"{os.cpu_count()} cores, Python {platform.python_version()}"
@@ -218,7 +220,8 @@ def table(found: dict[str, Any]) -> str:
         )
     lines = ["| what | asked | measured |", "|---|---|---|"]
     lines += [f"| {' | '.join(row)} |" for row in rows]
-    return "\n".join([*lines, "", *_interpolation(checks), "", *_flights(found["flights"])])
+    sections = [_interpolation(checks), _flights(found["flights"]), _against_ipopt(found["grid"])]
+    return "\n".join([*lines, *(line for section in sections for line in ("", *section))])
 
 
 def _interpolation(checks: dict[str, Any]) -> list[str]:

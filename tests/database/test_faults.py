@@ -45,7 +45,7 @@ def misbehaving(small_database: Path, monkeypatch: pytest.MonkeyPatch) -> Module
 def fast_cases(dataset: TrajectoryDataset) -> np.ndarray:
     """Which cases have the greatest speed, (p…)."""
     fast = np.zeros(dataset.shape, dtype=bool)
-    fast[:, :, :, -1] = True
+    fast[-1] = True  # the small mission disperses the speed first
     return fast
 
 
