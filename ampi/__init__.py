@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from ampi.scp.exact_hessian import SolverSettings
     from ampi.scp.guess import ConstantBank
     from ampi.scp.refinement import RefinementSettings
-    from ampi.scp.solve import solve
+    from ampi.scp.solve import solve, solve_family
     from ampi.simulation.dispersions import Dispersions
     from ampi.simulation.monte_carlo import Flights, fly
     from ampi.simulation.statistics import judge
@@ -48,6 +48,7 @@ _HOME = {
     "load_guidance": "ampi.loading",
     "load_mission": "ampi.missions.mission",
     "solve": "ampi.scp.solve",
+    "solve_family": "ampi.scp.solve",
 }
 
 __all__ = [
@@ -68,6 +69,7 @@ __all__ = [
     "load_guidance",
     "load_mission",
     "solve",
+    "solve_family",
 ]
 
 

@@ -201,7 +201,7 @@ def build(
                     advance=advance,
                 )
         except KeyboardInterrupt:
-            kept = len(list(partial_folder(path).glob("case_*.npz")))
+            kept = len(list(partial_folder(path).glob("case_*.rec")))
             error_out.print(
                 f"Interrupted: {kept} solved cases are kept in {partial_folder(path)}. "
                 f"To continue: ampi build {mission} {path}"

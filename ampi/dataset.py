@@ -2,11 +2,12 @@
 
     /                      root attributes: schema_version, mission TOML, provenance, content digest
     axis_<parameter>       the parameter axes, dimension scales (SI, rad)
-    state                  names of the state rows, a dimension scale
+    state, target          names of the state rows and of those the target holds, dimension scales
     node, high_density     node indices, dimension scales
     states                 (p_1 … p_d, state, node)
     bank_rate              (p_1 … p_d, node)
     gains                  (p_1 … p_d, state, node)
+    target_multipliers     (p_1 … p_d, target): what a solve beside a case starts from
     final_time, cost, status, iterations, position_error, altitude_error, speed_error, peak, message
     node_time              (2, node): a, b of t = a + b t_f
     high_density_time      (2, high_density)
@@ -37,7 +38,7 @@ from ampi.trajectory import Statistics, Status, Trajectory
 
 Array = NDArray[np.float64]
 
-SCHEMA_VERSION = 2  # 1: six parameter axes always, those of one point included
+SCHEMA_VERSION = 3  # 2: without target_multipliers; 1: six parameter axes always
 DIGEST = "content_sha256"
 ROW_NUMBERS = 2**20  # of a dataset, read at once for its digest
 SEAL_BYTES = 512  # the smallest HDF5 user block; readers skip it
@@ -57,6 +58,7 @@ class TrajectoryDataset:
     states: Array  # (p…, 7, n)
     bank_rate: Array  # (p…, n)
     gains: Array  # (p…, 7, n)
+    target_multipliers: Array  # (p…, m), cost per SI unit of each row of the target
     final_time: Array  # (p…)
     cost: Array  # (p…)
     status: NDArray[np.int64]  # (p…)
@@ -91,6 +93,7 @@ class TrajectoryDataset:
             cost=float(self.cost[index]),
             status=Status(int(self.status[index])),
             statistics=Statistics(iterations=int(self.iterations[index])),
+            target_multipliers=self.target_multipliers[index],
         )
 
 
@@ -237,6 +240,7 @@ def _read_checked(file: h5py.File, path: Path) -> TrajectoryDataset:
                 "states",
                 "bank_rate",
                 "gains",
+                "target_multipliers",
                 "final_time",
                 "cost",
                 "status",
@@ -269,6 +273,9 @@ FIELDS: dict[str, Field] = {
     "bank_rate": Field("rad/s", "optimal bank rate at the Radau nodes", ("node",)),
     "gains": Field(
         "rad/s per unit of each state", "tracking gains at the Radau nodes", ("state", "node")
+    ),
+    "target_multipliers": Field(
+        "cost per unit of each state", "multipliers of the target's rows", ("target",)
     ),
     "final_time": Field("s", "optimal final time", ()),
     "cost": Field("1", "optimal cost J", ()),

@@ -102,6 +102,7 @@ class Trajectory:
     cost: float
     status: Status
     statistics: Statistics = Statistics()
+    target_multipliers: Array | None = None  # (rows of the target,), cost per SI unit of e
 
     @property
     def times(self) -> Array:

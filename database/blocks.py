@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from ampi.dataset import FIELDS
 from ampi.missions.mission import Mission
+from ampi.scp.problem import OptimalControlProblem
 from ampi.simulation.reintegration import reintegrate_many
 from database.gains import GainSettings, vertex_gains
 from database.grid import Grid
@@ -24,7 +25,7 @@ from database.records import CaseRecord
 
 Array = NDArray[np.float64]
 
-BLOCK_CASES = 128
+BLOCK_CASES = 256
 MESSAGE_BYTES = np.dtype(FIELDS["message"].dtype).itemsize
 
 
@@ -84,6 +85,11 @@ def assemble(
     for array in (states, rate, final_time):
         array[~good] = np.nan
     gains = np.full((cases, 7, n), np.nan)
+    multipliers = np.full((cases, len(OptimalControlProblem.from_mission(mission).target)), np.nan)
+    for row, record in zip(multipliers, records, strict=True):
+        found = record.trajectory.target_multipliers
+        if record.trajectory.status.ok and found is not None:  # a stand-in has none
+            row[:] = found
     errors = {
         name: np.full(cases, np.nan) for name in ("position_error", "altitude_error", "speed_error")
     }
@@ -94,13 +100,14 @@ def assemble(
         family = mission.family([grid.point(case) for case in solved])
         gains[good] = vertex_gains(family, mesh, states[good], final_time[good], settings)
         check = reintegrate_many(family, mesh, states[good], final_time[good])
-        for name, values in errors.items():
-            values[good] = getattr(check, name)
+        for name, error in errors.items():
+            error[good] = getattr(check, name)
         peak[good] = check.peak
-    found: dict[str, NDArray[Any]] = {
+    values: dict[str, NDArray[Any]] = {
         "states": states,
         "bank_rate": rate,
         "gains": gains,
+        "target_multipliers": multipliers,
         "final_time": final_time,
         "cost": np.array([r.trajectory.cost for r in records]),
         "status": np.array([int(r.trajectory.status) for r in records]),
@@ -109,7 +116,7 @@ def assemble(
         "peak": peak,
         "message": np.array([_cut(r.message) for r in records], dtype=FIELDS["message"].dtype),
     }
-    return {name: values.reshape(*block.shape, *values.shape[1:]) for name, values in found.items()}
+    return {name: v.reshape(*block.shape, *v.shape[1:]) for name, v in values.items()}
 
 
 def _cut(message: str) -> bytes:

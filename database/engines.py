@@ -41,6 +41,8 @@ class LocalEngine:
         self._supervisor = Supervisor()
         self._threads = ThreadPoolExecutor(n_jobs)
         self.room = AHEAD * n_jobs
+        for _ in range(n_jobs):  # their imports take longer than the first cases
+            self._threads.submit(self._supervisor.start_worker)
 
     def submit(self, job: Job, tell: Callable[[BaseException | None], None]) -> None:
         """Run a job when a worker is free."""

@@ -27,6 +27,7 @@ Bryson & Ho (1975), Chapter 5 (terminal controllers with free final time: Sectio
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,14 +36,15 @@ from ampi.missions.family import MissionFamily
 from ampi.physics.equations_of_motion import FlightModel, equations_of_motion
 from ampi.pseudospectral.lagrange import interpolation_matrix
 from ampi.pseudospectral.mesh import Mesh, Segment
-from ampi.scp.derivatives import scaled_dynamics
+from ampi.scp.derivatives import trace
 from ampi.scp.node_functions import NodeFunctions
+from ampi.scp.vectorised import VectorisedFunction
 
 Array = NDArray[np.float64]
 
 STEP = 0.75  # s
 HORIZON = (
-    50.0  # s: flights are swept together whose final times round up to the same multiple of it
+    100.0  # s: flights are swept together whose final times round up to the same multiple of it
 )
 DEGREE = float(np.pi / 180.0)
 
@@ -97,8 +99,13 @@ def _sweep(
     cost = _terminal_cost(family, states, final_time, settings)
     rate_weight = 1.0 / (settings.bank_rate**2 * final_time)
     bank_weight = 1.0 / (settings.bank_deviation**2 * final_time)
+    nodal = _nodal_jacobians(family, mesh, states, final_time)
     for s, tau in zip(reversed(mesh.segments), reversed(fine), strict=True):
-        jacobian, times = _jacobians(family, s, tau, states, final_time)
+        # along a segment A is as smooth as the states: its values at the nodes give it everywhere
+        matrix = interpolation_matrix(s.rule.nodes, s.rule.barycentric, tau)
+        jacobian = (matrix @ nodal[:, s.nodes]).reshape(len(states), -1, 7, 7)
+        half = s.half_length[0] + s.half_length[1] * final_time
+        times = half[:, None] * tau
         on_node = np.searchsorted(tau, s.rule.nodes)
         node_at = {int(k): s.nodes.start + j for j, k in enumerate(on_node)}
         if s.nodes.stop == n:
@@ -131,25 +138,28 @@ def _terminal_cost(
     return project.transpose(0, 2, 1) @ (weight[:, :, None] * project)
 
 
-def _jacobians(
-    family: MissionFamily, segment: Segment, tau: Array, states: Array, final_time: Array
-) -> tuple[Array, Array]:
-    """A (c, k, 7, 7) and times (c, k) at the fine points of a segment."""
-    matrix = interpolation_matrix(segment.rule.nodes, segment.rule.barycentric, tau)
-    start = segment.start[0] + segment.start[1] * final_time
-    half = segment.half_length[0] + segment.half_length[1] * final_time
-    times = start[:, None] + half[:, None] * (1.0 + tau)
-    jacobian = np.empty((len(states), len(tau), 7, 7))
+def _nodal_jacobians(family: MissionFamily, mesh: Mesh, states: Array, final_time: Array) -> Array:
+    """A at the nodes, (c, n, 49)."""
+    jacobian = np.zeros((len(states), mesh.n_nodes, 49))
+    fixed, free = mesh.node_time
+    times = fixed + free * final_time[:, None]
     cases: dict[FlightModel, list[int]] = {}  # a model is traced once, then serves all its cases
     for case, mission in enumerate(family.missions):
         cases.setdefault(mission.flight_model, []).append(case)
     for model, alike in cases.items():
-        dynamics = scaled_dynamics(model, NodeFunctions(), (1.0,) * 7, 1.0, len(tau))
-        for case in alike:
-            x = matrix @ states[case, :, segment.nodes].T
-            found = dynamics.first(x, np.zeros(len(tau)), times[case])
-            jacobian[case] = found.state_jacobian
-    return jacobian, times
+        function = _traced_jacobian(model)
+        x = states[alike].transpose(1, 0, 2).reshape(7, -1)
+        t = times[alike].reshape(1, -1)
+        found = function(x, np.zeros_like(t), t)[0]
+        for (row, column), values in zip(function.nonzeros[0], found, strict=True):
+            jacobian[alike, :, 7 * row + column] = values.reshape(len(alike), -1)
+    return jacobian
+
+
+@lru_cache(maxsize=16)
+def _traced_jacobian(model: FlightModel) -> VectorisedFunction:
+    traced = trace(model, NodeFunctions(), (1.0,) * 7, 1.0)
+    return VectorisedFunction([traced.x, traced.u, traced.t], [traced.jacobian])
 
 
 def _riccati_step(

@@ -1,4 +1,9 @@
-"""The two kinds of work in a build: solve a case, assemble a block. Each keeps its own result.
+"""The kinds of work in a build: solve cases together, one alone, assemble a block.
+
+Most cases need nothing but Newton's iteration from where their neighbours lead, and that is several
+times faster for many at once: `SolveTogether` keeps a record of those that it solves, and leaves the
+others to `SolveCase`, one by one. That one begins with the same attempt, to the same bits: a record
+does not show which of the two has made it, and portions may be cut anywhere.
 
 A case is tried from each neighbour at once, then along paths of more and more steps in p, at last from
 nothing. An attempt that fails, raises or exceeds its time limit is a line of the record, and the next
@@ -13,6 +18,7 @@ from __future__ import annotations
 import signal
 import time
 from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
@@ -23,7 +29,7 @@ import numpy as np
 
 from ampi.missions.mission import Mission, parse_mission
 from ampi.pseudospectral.mesh import Mesh
-from ampi.scp.solve import solve
+from ampi.scp.solve import solve, solve_family
 from ampi.trajectory import Status, Trajectory
 from database.blocks import Block, assemble
 from database.continuation import PlannedCase
@@ -73,6 +79,11 @@ class Campaign:
     gains: GainSettings = field(default_factory=GainSettings)
 
     @property
+    def together(self) -> bool:
+        """Whether cases may be solved together: `solve_family` finds what `solve` finds."""
+        return self.solver is solve
+
+    @property
     def mission(self) -> Mission:
         """The mission, parsed once per process."""
         return _mission_and_grid(self.toml)[0]
@@ -81,6 +92,10 @@ class Campaign:
     def grid(self) -> Grid:
         """Its grid."""
         return _mission_and_grid(self.toml)[1]
+
+    def solved(self, case: int) -> Trajectory | None:
+        """The solution of a case that is kept; None if there is none."""
+        return _solved_record(self.folder, case, self)
 
 
 @lru_cache(maxsize=4)
@@ -112,12 +127,30 @@ def attempts(neighbours: Sequence[int], *, predicted: bool) -> list[Attempt]:
     return [*first, *from_neighbours, Attempt(None)]
 
 
+def first_start(
+    grid: Grid, planned: PlannedCase, solved: Callable[[int], Trajectory | None]
+) -> tuple[Attempt, Trajectory] | None:
+    """The first of `attempts` and where it starts, from solved cases; None if that is from nothing."""
+    continued = predicted(grid, planned.case, solved)
+    if continued is not None:
+        return Attempt(None, predicted=True), continued
+    for neighbour in planned.neighbours:
+        start = solved(neighbour)
+        if start is not None:
+            return Attempt(neighbour), start
+    return None
+
+
 class Job(Protocol):
     """Work that a process does alone."""
 
     @property
     def result(self) -> Path:
-        """The file that the job leaves."""
+        """What the job leaves."""
+
+    @property
+    def kept(self) -> bool:
+        """Whether another job has left it already."""
 
     def run(self, announce: Callable[[int], None]) -> None:
         """Do it, telling the number of each attempt before it begins."""
@@ -127,6 +160,64 @@ class Job(Protocol):
 
     def give_up(self, reason: str) -> None:
         """Keep a result that says why there is none."""
+
+
+@dataclass(frozen=True)
+class SolveTogether:
+    """Solve what Newton's iteration solves of some cases of one layer, and keep the results."""
+
+    campaign: Campaign
+    planned: tuple[PlannedCase, ...]
+
+    @property
+    def result(self) -> Path:
+        """The folder of the records: there may be some or none."""
+        return self.campaign.folder
+
+    @property
+    def kept(self) -> bool:
+        """Only known case by case."""
+        return False
+
+    def run(self, announce: Callable[[int], None]) -> None:
+        """All at once; the records are flushed side by side."""
+        announce(0)
+        campaign, began = self.campaign, time.perf_counter()
+        solved = lru_cache(maxsize=None)(campaign.solved)  # the portion shares its neighbours
+        starts = {p.case: first_start(campaign.grid, p, solved) for p in self.planned}
+        ready = {case: start for case, start in starts.items() if start is not None}
+        points = [campaign.grid.point(case) for case in ready]
+        missions = [campaign.mission.with_parameters(point) for point in points]
+        with stopped_after(campaign.time_limit * max(1, len(ready))):
+            found = solve_family(missions, [start for _, start in ready.values()])
+        seconds = (time.perf_counter() - began) / max(1, len(ready))
+        keeping = [
+            _keepers().submit(save_record, campaign.folder, record)
+            for record in _records(ready, found, seconds)
+        ]
+        for kept in keeping:
+            kept.result()
+
+    def without(self, attempt: int) -> SolveTogether:
+        """Nothing: each case will be tried alone."""
+        return replace(self, planned=())
+
+    def give_up(self, reason: str) -> None:
+        """Leave the cases to be tried alone; whichever is at fault will have a record of its own."""
+
+
+@lru_cache(maxsize=1)
+def _keepers() -> ThreadPoolExecutor:
+    """Threads that wait for the disk: flushes overlap."""
+    return ThreadPoolExecutor(16)
+
+
+def _records(
+    ready: dict[int, tuple[Attempt, Trajectory]], found: list[Trajectory | None], seconds: float
+) -> Iterator[CaseRecord]:
+    for (case, (attempt, _)), flown in zip(ready.items(), found, strict=True):
+        if flown is not None and flown.status.ok:
+            yield CaseRecord(case, flown, f"{attempt}: {flown.status.sentence}", 1, seconds)
 
 
 @dataclass(frozen=True)
@@ -142,11 +233,17 @@ class SolveCase:
         """The case's record."""
         return record_path(self.campaign.folder, self.planned.case)
 
+    @property
+    def kept(self) -> bool:
+        """Solved together with others."""
+        return self.result.exists()
+
     def run(self, announce: Callable[[int], None]) -> None:
         """Attempt after attempt, until one succeeds."""
         began = time.perf_counter()
         mission, grid = self.campaign.mission, self.campaign.grid
-        starts, continued = self._starts(), self._predicted()
+        starts = self._starts()
+        continued = predicted(grid, self.planned.case, self.campaign.solved)
         log, solves = list[str](), 0
         best: Trajectory | None = None
         for number, attempt in enumerate(attempts(list(starts), predicted=continued is not None)):
@@ -187,14 +284,8 @@ class SolveCase:
 
     def _starts(self) -> dict[int, Trajectory]:
         """The solved neighbours, best first."""
-        found = {n: self._solved(n) for n in self.planned.neighbours}
+        found = {n: self.campaign.solved(n) for n in self.planned.neighbours}
         return {n: trajectory for n, trajectory in found.items() if trajectory is not None}
-
-    def _predicted(self) -> Trajectory | None:
-        return predicted(self.campaign.grid, self.planned.case, self._solved)
-
-    def _solved(self, case: int) -> Trajectory | None:
-        return _solved_record(self.campaign.folder, case, self.campaign)
 
 
 @lru_cache(maxsize=4096)  # a record never changes once it is kept; 10 kB each
@@ -224,6 +315,11 @@ class AssembleBlock:
     def result(self) -> Path:
         """The block's file."""
         return block_path(self.campaign.folder, self.block.number)
+
+    @property
+    def kept(self) -> bool:
+        """Nobody else makes it."""
+        return False
 
     def run(self, announce: Callable[[int], None]) -> None:
         """Assemble and keep."""
@@ -267,13 +363,22 @@ def follow(
     solves, flown = 0, start
     for mission in path:
         with stopped_after(campaign.time_limit):
-            flown = campaign.solver(mission, guess=flown)
+            flown = solve_one(campaign, mission, flown)
         solves += 1
         if not flown.status.ok:
             break
     if flown is None:
         raise ValueError("path: expected at least one mission, got none")
     return flown, solves
+
+
+def solve_one(campaign: Campaign, mission: Mission, start: Trajectory | None) -> Trajectory:
+    """By Newton's iteration where that is enough, else by the campaign's optimiser."""
+    if campaign.together and start is not None:
+        found = solve_family([mission], [start])[0]
+        if found is not None and found.status.ok:
+            return found
+    return campaign.solver(mission, guess=start)
 
 
 @contextmanager

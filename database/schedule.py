@@ -6,8 +6,9 @@ to be finished, so the order of execution leaves no trace in the results.
 
 from __future__ import annotations
 
+import heapq
 import queue
-from collections import defaultdict, deque
+from collections import defaultdict
 from collections.abc import Callable, Collection, Mapping
 
 from database.engines import Engine
@@ -22,32 +23,45 @@ def run_jobs(
 ) -> None:
     """Run all `jobs`, each after those it `needs`; needs that are no job are met already.
 
-    `finished` is called, in this thread, with the name of each job whose result is kept. What a job
-    raises is raised here.
+    Of the jobs that are ready the first in the order of `jobs` is next. `finished` is called, in this
+    thread, with the name of each job whose result is kept. What a job raises is raised here.
     """
     open_needs = {name: {n for n in needs[name] if n in jobs} for name in jobs}
     waited_for = defaultdict[str, list[str]](list)
     for name, open_ones in open_needs.items():
         for n in open_ones:
             waited_for[n].append(name)
-    ready = deque(name for name, open_ones in open_needs.items() if not open_ones)
+    place = {name: k for k, name in enumerate(jobs)}
+    ready: list[tuple[int, str]] = []
+    done: list[str] = []
     told: queue.SimpleQueue[tuple[str, BaseException | None]] = queue.SimpleQueue()
     under_way = 0
+
+    def release(name: str) -> None:
+        if jobs[name].kept:
+            done.append(name)
+        else:
+            heapq.heappush(ready, (place[name], name))
 
     def submit(name: str) -> None:
         engine.submit(jobs[name], lambda error: told.put((name, error)))
 
-    while ready or under_way:
-        room = engine.room
-        while ready and under_way < room:
-            submit(ready.popleft())
+    for name, open_ones in open_needs.items():
+        if not open_ones:
+            release(name)
+    while ready or under_way or done:
+        while ready and under_way < engine.room:
+            submit(heapq.heappop(ready)[1])
             under_way += 1
-        name, error = told.get()
-        under_way -= 1
-        if error is not None:
-            raise error
+        if not done:
+            name, error = told.get()
+            under_way -= 1
+            if error is not None:
+                raise error
+            done.append(name)
+        name = done.pop()
         for waiting in waited_for.pop(name, ()):
             open_needs[waiting].discard(name)
             if not open_needs[waiting]:
-                ready.append(waiting)
+                release(waiting)
         finished(name)

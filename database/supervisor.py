@@ -19,6 +19,7 @@ import pickle
 import signal
 import subprocess
 import sys
+from contextlib import suppress
 from pathlib import Path
 
 from database.jobs import Job, JobError
@@ -164,6 +165,15 @@ class Supervisor:
                 return worker
             worker.stop()  # it has died between two jobs
             self._alive.discard(worker)
+        return self._started()
+
+    def start_worker(self) -> None:
+        """Have one more worker ready; if it cannot start, the first job will say why."""
+        with suppress(JobError, WorkerLost):
+            self._idle.append(self._started())
+
+    def _started(self) -> Worker:
+        """A new worker."""
         cause = ""
         for _ in range(DEATHS):
             worker = Worker()

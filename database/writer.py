@@ -20,6 +20,7 @@ from ampi.physics.equations_of_motion import STATES
 from ampi.physics.path_constraints import PATH_CONSTRAINTS
 from ampi.pseudospectral.mesh import Mesh
 from ampi.scp.exact_hessian import SolverSettings
+from ampi.scp.problem import OptimalControlProblem
 from database.blocks import Block, block_shape
 from database.gains import GainSettings
 from database.grid import Grid
@@ -57,7 +58,7 @@ def write_database(
 ) -> None:
     """Merge the blocks, in index order, into `path`."""
     mission, grid = campaign.mission, campaign.grid
-    mesh = mission.pseudospectral_mesh
+    mesh, problem = mission.pseudospectral_mesh, OptimalControlProblem.from_mission(mission)
     fixed, free = high_density_times(mesh, nominal_final_time)
     conversion = mesh.conversion(fixed + free * nominal_final_time, nominal_final_time).T
     write_dataset(
@@ -67,6 +68,7 @@ def write_database(
         axis_units=grid.units,
         scales={
             "state": np.array(STATES, dtype="S20"),
+            "target": np.array(STATES, dtype="S20")[problem.target.state],
             "limit": np.array(PATH_CONSTRAINTS, dtype="S20"),
             "affine": np.array(["a", "b"], dtype="S1"),
             "node": np.arange(mesh.n_nodes),

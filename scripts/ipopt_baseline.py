@@ -23,15 +23,17 @@ from joblib import Parallel, delayed
 from numpy.typing import NDArray
 
 import ampi
+import database
 from ampi.missions.mission import Mission, parse_mission
 from ampi.physics.equations_of_motion import equations_of_motion
 from ampi.physics.path_constraints import path_constraints
 from ampi.pseudospectral.lagrange import barycentric_weights, interpolation_matrix
 from ampi.trajectory import Trajectory
+from database.build import planned_jobs
 from database.continuation import layers
 from database.engines import LocalEngine
 from database.grid import Grid
-from database.jobs import Campaign, SolveCase
+from database.jobs import AssembleBlock, Campaign, SolveTogether
 from database.records import load_record
 from database.schedule import run_jobs
 
@@ -184,14 +186,20 @@ def _solve(toml: str, barrier: str, entry_state: Array, start: Point) -> Point:
 
 
 def compare(mission: Mission, n_jobs: int) -> dict[str, Any]:
-    """Both builds, one after the other, in this run."""
-    mine, theirs = ours(mission, n_jobs), build(mission, n_jobs)
+    """Ours and theirs, one after the other, in this run."""
+    mine, whole, theirs = (
+        ours(mission, n_jobs),
+        whole_build(mission, n_jobs),
+        build(mission, n_jobs),
+    )
     a, b = np.array(mine.pop("costs")), np.array(theirs.pop("costs"))
     return {
         "cases": len(a),
         "ours": mine,
+        "whole_build": whole,
         "ipopt": theirs,
         "ratio": theirs["seconds"] / mine["seconds"],
+        "whole_build_ratio": theirs["seconds"] / whole["seconds"],
         "greatest_cost_difference": float(np.max(np.abs(a / b - 1.0))),
         "phases": phases(mission),
     }
@@ -199,18 +207,16 @@ def compare(mission: Mission, n_jobs: int) -> dict[str, Any]:
 
 def ours(mission: Mission, n_jobs: int) -> dict[str, Any]:
     """Solve the whole grid as the build does, without gains, re-integration and the file."""
-    grid = Grid.from_mission(mission)
-    plan = [planned for layer in layers(grid) for planned in layer]
     with tempfile.TemporaryDirectory() as folder:
         campaign = Campaign(mission.toml, Path(folder))
-        jobs = {str(p.case): SolveCase(campaign, p) for p in plan}
-        needs = {str(p.case): [str(n) for n in p.neighbours] for p in plan}
-        engine = LocalEngine(n_jobs)
         began = time.perf_counter()
-        run_jobs(jobs, needs, engine, lambda name: None)
+        engine = LocalEngine(n_jobs)
+        jobs, needs = planned_jobs(campaign, (), engine.room)
+        solving = {name: job for name, job in jobs.items() if not isinstance(job, AssembleBlock)}
+        run_jobs(solving, needs, engine, lambda name: None)
         seconds = time.perf_counter() - began
         engine.close()
-        found = [load_record(campaign.folder, case, mission) for case in range(grid.size)]
+        found = [load_record(campaign.folder, k, mission) for k in range(campaign.grid.size)]
     records = [r for r in found if r is not None]
     return {
         "seconds": seconds,
@@ -223,38 +229,56 @@ def ours(mission: Mission, n_jobs: int) -> dict[str, Any]:
     }
 
 
+def whole_build(mission: Mission, n_jobs: int) -> dict[str, Any]:
+    """The finished database: with gains, re-integration of every case, checksums, the file."""
+    with tempfile.TemporaryDirectory() as folder:
+        report = database.build(mission, Path(folder) / "database.h5", n_jobs=n_jobs)
+    return {"seconds": report.seconds, "solved": report.solved}
+
+
 PHASES = {
-    "derivatives": "derivatives.py",
-    "condensing": "condensing.py",
-    "convex step": "active_set.py",
-    "convexification": "convexify.py",
+    "derivatives": "vectorised.py",
+    "condensing": "family_condensing.py",
+    "prediction": "prediction.py",
     "records": "records.py",
+    "Newton step and the rest of the iteration": "family.py",
 }
 
 
-def phases(mission: Mission, cases: int = 120) -> dict[str, float]:
-    """Share of each phase in the time of solving cases, by cProfile, in this process."""
-    grid = Grid.from_mission(mission)
-    plan = [planned for layer in layers(grid) for planned in layer][:cases]
+def phases(mission: Mission, portions: int = 12) -> dict[str, float]:
+    """Share of each phase in the time of solving portions together, by cProfile, in this process."""
     profile = cProfile.Profile()
     with tempfile.TemporaryDirectory() as folder:
         campaign = Campaign(mission.toml, Path(folder))
-        SolveCase(campaign, plan[0]).run(lambda attempt: None)
-        profile.enable()
-        for planned in plan[1:]:
-            SolveCase(campaign, planned).run(lambda attempt: None)
-        profile.disable()
+        jobs, _ = planned_jobs(campaign, (), room=4)
+        measured = 0
+        for job in list(jobs.values()):
+            enough = measured == portions
+            if isinstance(job, SolveTogether) and len(job.planned) > 12 and not enough:
+                measured += 1
+                profile.runcall(job.run, lambda attempt: None)
+            elif not job.kept:
+                job.run(lambda attempt: None)
+            if enough:
+                break
     stats = pstats.Stats(profile)
     inside: dict[str, float] = dict.fromkeys(PHASES, 0.0)
-    # time within a module's functions and what they call, counted where another module enters it
+    called: dict[str, float] = dict.fromkeys(PHASES, 0.0)
+    # cumulative time where another module enters a phase's module, less what that hands to other phases
     for (file, _, _), (*_, callers) in stats.stats.items():  # type: ignore[attr-defined]
-        phase = next((p for p, name in PHASES.items() if file.endswith(f"/{name}")), None)
+        phase = _phase_of(file)
         for (caller, _, _), (_, _, _, spent) in callers.items():
             if phase is not None and caller != file:
                 inside[phase] += spent
+                if (outer := _phase_of(caller)) is not None:
+                    called[outer] += spent
     total = stats.total_tt  # type: ignore[attr-defined]
-    shares = {phase: spent / total for phase, spent in inside.items()}
+    shares = {phase: (inside[phase] - called[phase]) / total for phase in PHASES}
     return {**shares, "the rest": 1.0 - sum(shares.values())}
+
+
+def _phase_of(file: str) -> str | None:
+    return next((phase for phase, name in PHASES.items() if file.endswith(f"/{name}")), None)
 
 
 def build(mission: Mission, n_jobs: int, sample: int = 12) -> dict[str, Any]:

@@ -28,7 +28,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import LinAlgError, cho_factor, cho_solve, solve_triangular
+from scipy.linalg.lapack import dpotrf, dtrtrs
 
 from ampi.scp.subproblem import ConvexSubproblem, Step
 
@@ -66,42 +66,41 @@ def solve_active_set(problem: ConvexSubproblem) -> Step | None:
     ranged = np.isfinite(target.lower) & ~exact
     if len(problem.absolute_value) > 0 or ranged.any():
         return None
-    try:
-        factor = np.linalg.cholesky(problem.hessian)
-    except np.linalg.LinAlgError:
+    factor, info = dpotrf(problem.hessian, lower=1)
+    if info != 0:
         return None
     rows, count = _Rows.of(problem), len(problem.target_error)
-    everything = np.vstack([problem.target_map, rows.matrix])
-    half = solve_triangular(factor, everything.T, lower=True, check_finite=False)  # L⁻¹(C; R)ᵀ
-    start = -solve_triangular(factor, problem.gradient, lower=True, check_finite=False)
-    free = half.T @ start  # (C; R) z₀
+    start = -_solved(factor, problem.gradient)
     with np.errstate(divide="ignore"):
         give = np.where(exact, 0.0, 0.5 / target.weight)
     side = np.zeros(len(rows.lower))  # +1 at the upper bound, −1 at the lower
     for _ in range(MOST_CHANGES):
         active = np.flatnonzero(side)
         bound = np.where(side[active] > 0, rows.upper[active], rows.lower[active])
-        kept = half[:, np.concatenate([np.arange(count), count + active])]
+        kept = _solved(factor, np.vstack([problem.target_map, rows.matrix[active]]).T)  # L⁻¹Kᵀ
         system = kept.T @ kept
         system[np.arange(count), np.arange(count)] += give
-        right = np.concatenate([free[:count] + problem.target_error, free[count + active] - bound])
+        right = kept.T @ start + np.concatenate([problem.target_error, -bound])
         try:
-            multiplier = cho_solve(cho_factor(system, check_finite=False), right)
-        except LinAlgError:
+            multiplier = np.linalg.solve(system, right)
+        except np.linalg.LinAlgError:
             return None  # dependent rows
-        value = free[count:] - half[:, count:].T @ (kept @ multiplier)
+        z = _solved(factor, start - kept @ multiplier, transposed=True)
+        value = rows.matrix @ z
         on_rows = np.zeros(len(side))
         on_rows[active] = multiplier[count:]
         above = (value > rows.upper + FEASIBLE) | ((side > 0) & (on_rows > 0.0))
         below = (value < rows.lower - FEASIBLE) | ((side < 0) & (on_rows < 0.0))
         following = above.astype(float) - below.astype(float)
         if np.array_equal(following, side):
-            z = solve_triangular(
-                factor, start - kept @ multiplier, lower=True, trans="T", check_finite=False
-            )
             return _step(problem, z, multiplier[:count], on_rows)
         side = following
     return None
+
+
+def _solved(factor: Array, right: Array, *, transposed: bool = False) -> Array:
+    """L⁻¹ or L⁻ᵀ times a vector or matrix."""
+    return np.asarray(dtrtrs(factor, right, lower=1, trans=int(transposed))[0])
 
 
 def _step(problem: ConvexSubproblem, z: Array, on_target: Array, on_rows: Array) -> Step | None:

@@ -27,10 +27,19 @@ from numpy.typing import NDArray
 from scipy.linalg.lapack import dgetrf, dgetrs
 
 from ampi.scp.derivatives import NodeDerivatives
-from ampi.scp.problem import BANK, N_STATES, OptimalControlProblem
+from ampi.scp.problem import (
+    BANK,
+    LONGITUDE,
+    N_CORE,
+    N_STATES,
+    OptimalControlProblem,
+)
+from ampi.scp.problem import CORE as CORE_STATES
 from ampi.scp.transcription import RadauTranscription
 
 Array = NDArray[np.float64]
+
+CORE = list(CORE_STATES)  # an index
 
 
 @dataclass(frozen=True)
@@ -48,7 +57,8 @@ class CondensedDynamics:
 
     transcription: RadauTranscription
     derivatives: NodeDerivatives
-    factors: tuple[tuple[Array, Array], ...]
+    stretched: Array  # h A, (n − 1, 7, 7)
+    factors: tuple[tuple[Array, Array], ...]  # of Eq. (2), per segment
     state_map: Array  # Z, (n, 7, n_z)
     final_time_scale: float  # s per unit of z's δt_f
     rate_scale: float  # rad/s per unit of z's δu
@@ -63,30 +73,39 @@ class CondensedDynamics:
 
         `entry_error` (7,) is added to the first node.
         """
-        mesh = self.transcription.mesh
-        change = np.empty((mesh.n_nodes, N_STATES))
-        change[0] = start = entry_error
-        for s, (lu, pivots), start_kron in zip(
-            mesh.segments, self.factors, self.transcription.start_kron, strict=True
-        ):
-            right = -residual[s.collocation].ravel() - start_kron @ start
-            solution = dgetrs(lu, pivots, right)[0].reshape(-1, N_STATES)
-            change[s.collocation.start + 1 : s.collocation.stop + 1] = solution
+        t = self.transcription
+        change = np.empty((t.mesh.n_nodes, N_STATES))
+        change[0] = entry_error
+        change[1:, BANK] = entry_error[BANK] - t.integration @ residual[:, BANK]
+        right = self.stretched[:, CORE, BANK] * change[1:, BANK, None] - residual[:, CORE]
+        start = entry_error[CORE]
+        for s, (lu, pivots) in zip(t.mesh.segments, self.factors, strict=True):
+            here = right[s.collocation] - s.rule.derivative[:, :1] * start
+            solution = dgetrs(lu, pivots, here.ravel())[0].reshape(-1, N_CORE)
+            right[s.collocation] = solution
             start = solution[-1]
+        change[1:, CORE] = right
+        along = np.einsum("ij,ij->i", self.stretched[:, LONGITUDE, CORE], right)
+        along += self.stretched[:, LONGITUDE, BANK] * change[1:, BANK] - residual[:, LONGITUDE]
+        change[1:, LONGITUDE] = entry_error[LONGITUDE] + t.integration @ along
         return change
 
     def multipliers(self, node_gradient: Array) -> Array:
         """μ (n − 1, 7) from ∂(J + νᵀg)/∂x at the nodes (n, 7): one backward sweep."""
-        mesh = self.transcription.mesh
-        mu = np.empty((mesh.n_nodes - 1, N_STATES))
-        carried = np.zeros(N_STATES)
-        for k in reversed(range(len(mesh.segments))):
-            s, (lu, pivots) = mesh.segments[k], self.factors[k]
-            right = -node_gradient[1:][s.collocation]
-            right[-1] -= carried
-            solution = dgetrs(lu, pivots, right.ravel(), trans=1)[0]
-            mu[s.collocation] = solution.reshape(-1, N_STATES)
-            carried = self.transcription.start_kron[k].T @ solution
+        t = self.transcription
+        mu = np.empty((t.mesh.n_nodes - 1, N_STATES))
+        mu[:, LONGITUDE] = -(t.integration.T @ node_gradient[1:, LONGITUDE])
+        right = self.stretched[:, LONGITUDE] * mu[:, LONGITUDE, None] - node_gradient[1:]
+        carried = np.zeros(N_CORE)
+        for k in reversed(range(len(t.mesh.segments))):
+            s, (lu, pivots) = t.mesh.segments[k], self.factors[k]
+            here = right[s.collocation][:, CORE]
+            here[-1] -= carried
+            solution = dgetrs(lu, pivots, here.ravel(), trans=1)[0].reshape(-1, N_CORE)
+            mu[s.collocation.start : s.collocation.stop, CORE] = solution
+            carried = s.rule.derivative[:, 0] @ solution
+        on_bank = np.einsum("ij,ij->i", self.stretched[:, CORE, BANK], mu[:, CORE])
+        mu[:, BANK] = t.integration.T @ (right[:, BANK] + on_bank)
         return mu
 
     def reduced_hessian(self, curvature: Array, mu: Array, omega: Array, half: Array) -> Array:
@@ -123,51 +142,69 @@ def condense(
     derivatives: NodeDerivatives,
     final_time: float,
 ) -> CondensedDynamics:
-    """Factor Eq. (1) on every segment and build Z."""
-    mesh = transcription.mesh
-    n, n_z = mesh.n_nodes, mesh.n_nodes + 1
+    """Factor Eq. (2) on every segment and build Z."""
+    t, d = transcription, derivatives
+    if not (np.all(np.isfinite(d.state_jacobian)) and np.all(np.isfinite(d.rates))):
+        raise FloatingPointError("condensing: the derivatives of the dynamics are not finite")
+    n, n_z = t.mesh.n_nodes, t.mesh.n_nodes + 1
     time_column, bank_column = n_z - 2, n_z - 1
-    half = transcription.half_lengths(final_time)
-    time_scale = problem.scaling.final_time
-    a, f, ft = derivatives.state_jacobian, derivatives.rates, derivatives.time_derivative
-    free_end = (
-        transcription.half_free[:, None] * f[1:]
-        + (half * transcription.node_free[1:])[:, None] * ft[1:]
-    ) * time_scale
-    rate_gain = half * problem.bank_rate_limit  # h B: ∂f/∂û is u_max, in the bank row alone
+    half = t.half_lengths(final_time)
+    stretched = half[:, None, None] * d.state_jacobian[1:]
+    by_time = t.half_free[:, None] * d.rates[1:]
+    by_time += (half * t.node_free[1:])[:, None] * d.time_derivative[1:]
+    by_time *= problem.scaling.final_time
 
     state_map = np.zeros((n, N_STATES, n_z))
-    state_map[0, BANK, bank_column] = 1.0
-    start = state_map[0]
+    bank = state_map[:, BANK]
+    bank[:, bank_column] = 1.0
+    # h B: ∂f/∂û is u_max, in the bank row alone
+    bank[1:, :-2] = t.integration * (half * problem.bank_rate_limit)
+    bank[1:, time_column] = t.integration @ by_time[:, BANK]
+
+    among_core, by_bank = stretched[:, CORE][:, :, CORE], stretched[:, CORE, BANK]
     factors = []
-    for s, kron, start_kron in zip(
-        mesh.segments, transcription.derivative_kron, transcription.start_kron, strict=True
-    ):
-        count, rows = s.rule.degree, s.collocation
-        matrix = kron.copy()
-        blocks = matrix.reshape(count, N_STATES, count, N_STATES)
-        diagonal = np.arange(count)
-        blocks[diagonal, :, diagonal, :] -= half[rows, None, None] * a[1:][rows]
-        lu, pivots, info = dgetrf(matrix)
-        if info != 0 or not np.all(np.isfinite(lu)):
-            raise FloatingPointError("condensing: a segment's linearised dynamics are singular")
-        right = np.zeros((count * N_STATES, N_STATES + count + 1))
-        right[:, :N_STATES] = -start_kron
-        right[diagonal * N_STATES + BANK, N_STATES + diagonal] = rate_gain[rows]
-        right[:, -1] = free_end[rows].ravel()
-        solution = dgetrs(lu, pivots, right)[0]
-        block = solution[:, :N_STATES] @ start
-        block[:, rows] += solution[:, N_STATES:-1]
+    for s, derivative in zip(t.mesh.segments, t.core_derivative, strict=True):
+        rows, first = s.collocation, s.first_node
+        factor = _factored(derivative, among_core[rows])
+        # by columns: start of the core, start of the bank angle, δu of this segment, δt_f
+        count = s.rule.degree
+        right = np.zeros((N_CORE + 1 + count + 1, count, N_CORE))
+        right[range(N_CORE), :, range(N_CORE)] = -s.rule.derivative[:, 0]
+        right[N_CORE] = by_bank[rows]
+        right[N_CORE + 1 : -1] = (
+            bank[first + 1 : first + 1 + count, rows].T[:, :, None] * by_bank[rows]
+        )
+        inside = bank[first + 1 : first + 1 + count, time_column] - bank[first, time_column]
+        right[-1] = by_time[rows][:, CORE] + inside[:, None] * by_bank[rows]
+        solution = dgetrs(*factor, right.reshape(len(right), -1).T, overwrite_b=1)[0]
+        block = solution[:, : N_CORE + 1] @ state_map[first, [*CORE, BANK]]
+        block[:, rows] += solution[:, N_CORE + 1 : -1]
         block[:, time_column] += solution[:, -1]
-        block = block.reshape(count, N_STATES, n_z)
-        state_map[rows.start + 1 : rows.stop + 1] = block
-        start = block[-1]
-        factors.append((lu, pivots))
+        state_map[first + 1 : first + 1 + count, CORE] = block.reshape(count, N_CORE, n_z)
+        factors.append(factor)
+    along = (stretched[:, LONGITUDE, None] @ state_map[1:])[:, 0]
+    along[:, time_column] += by_time[:, LONGITUDE]
+    state_map[1:, LONGITUDE] = t.integration @ along
+    if not np.all(np.isfinite(state_map[-1])):  # what is not a number travels to the end
+        raise FloatingPointError("condensing: the linearised dynamics are not finite")
     return CondensedDynamics(
         transcription=transcription,
         derivatives=derivatives,
+        stretched=stretched,
         factors=tuple(factors),
         state_map=state_map,
-        final_time_scale=time_scale,
+        final_time_scale=problem.scaling.final_time,
         rate_scale=problem.bank_rate_limit,
     )
+
+
+def _factored(derivative: Array, stretched: Array) -> tuple[Array, Array]:
+    """LU and pivots of D⊗I₅ − h A_cc, from D⊗I₅ by columns and h A_cc (N, 5, 5)."""
+    matrix, count = derivative.copy(order="F"), len(stretched)
+    diagonal = np.arange(count)
+    transposed = matrix.T.reshape(count, N_CORE, count, N_CORE)
+    transposed[diagonal, :, diagonal, :] -= stretched.transpose(0, 2, 1)
+    lu, pivots, info = dgetrf(matrix, overwrite_a=1)
+    if info != 0:
+        raise FloatingPointError("condensing: a segment's linearised dynamics are singular")
+    return lu, pivots

@@ -13,6 +13,11 @@ With A = [Y N] orthogonal, N spanning the tangent space, and H̃ = AᵀHA:
     H̃_NN ← eigenvalues |·| clipped at δ,                                       (1)
     H̃_YY ← H̃_YY + T,  S + T with eigenvalues clipped at δ,  S = H̃_YY − H̃_YN H̃_NN⁻¹ H̃_NY. (2)
 
+Near a solution Eq. (1) has nothing to do. Then nothing need be rotated either: with any ρ that makes
+H + ρ Y Yᵀ positive definite,
+
+    S = (Yᵀ (H + ρ Y Yᵀ)⁻¹ Y)⁻¹ − ρ I.                                         (3)
+
 Where the objective has no effort, true curvatures lie far below any δ that is safe far from a solution,
 and the iteration becomes a gradient descent. That shows in the reduction: along a direction without
 curvature it is twice what a model with δ predicts. There `CurvatureFloor` lowers δ.
@@ -25,9 +30,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import eigh
-from scipy.linalg.lapack import dpotrf
+from scipy.linalg.lapack import dpotrf, dtrtrs
 
 Array = NDArray[np.float64]
+
+STIFF = 10.0  # ρ of Eq. (3) over the norm of H: enough for most, and S keeps 14 digits
 
 
 @dataclass
@@ -62,6 +69,11 @@ def convexify_on_tangent(hessian: Array, target_map: Array, floor: float) -> Arr
         δ > 0, least eigenvalue.
     """
     m = min(len(target_map), len(hessian))
+    if m:
+        normal = np.linalg.qr(target_map.T)[0][:, :m]
+        convex = _with_convex_complement(hessian, normal, floor)
+        if convex is not None:
+            return convex
     basis = np.linalg.qr(target_map.T, mode="complete")[0] if m else np.eye(len(hessian))
     rotated = basis.T @ hessian @ basis
     tangent = 0.5 * (rotated[m:, m:] + rotated[m:, m:].T)
@@ -69,11 +81,27 @@ def convexify_on_tangent(hessian: Array, target_map: Array, floor: float) -> Arr
         values, vectors = eigh(tangent, driver="evd")
         tangent = (vectors * np.maximum(np.abs(values), floor)) @ vectors.T
         rotated[m:, m:] = tangent
-    if m == 0:
-        return np.asarray(0.5 * (rotated + rotated.T))
-    cross = rotated[:m, m:]
-    complement = rotated[:m, :m] - cross @ np.linalg.solve(tangent, cross.T)
-    values, vectors = eigh(0.5 * (complement + complement.T), driver="evd")
-    rotated[:m, :m] += (vectors * np.maximum(floor - values, 0.0)) @ vectors.T
+    if m:
+        cross = rotated[:m, m:]
+        schur = rotated[:m, :m] - cross @ np.linalg.solve(tangent, cross.T)
+        rotated[:m, :m] += _missing(schur, floor)
     convex = basis @ rotated @ basis.T
     return np.asarray(0.5 * (convex + convex.T))
+
+
+def _with_convex_complement(hessian: Array, normal: Array, floor: float) -> Array | None:
+    """Eqs. (2) and (3), where the tangent space of `normal` Y (n, m) needs nothing; else None."""
+    stiffness = STIFF * float(np.linalg.norm(hessian))
+    stiff = 0.5 * (hessian + hessian.T) + stiffness * (normal @ normal.T)
+    if dpotrf(stiff - floor * np.eye(len(stiff)), lower=1)[1] != 0:
+        return None
+    half = dtrtrs(dpotrf(stiff, lower=1)[0], normal, lower=1)[0]
+    schur = np.linalg.inv(half.T @ half) - stiffness * np.eye(normal.shape[1])
+    convex = hessian + normal @ _missing(schur, floor) @ normal.T
+    return np.asarray(0.5 * (convex + convex.T))
+
+
+def _missing(schur: Array, floor: float) -> Array:
+    """T of Eq. (2)."""
+    values, vectors = np.linalg.eigh(0.5 * (schur + schur.T))
+    return np.asarray((vectors * np.maximum(floor - values, 0.0)) @ vectors.T)

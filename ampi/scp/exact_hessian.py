@@ -174,11 +174,10 @@ class ExactHessianIteration:
         """First linearisation; it sets the elastic price and the penalty (elastic_target, Eq. (3))."""
         problem = self.problem
         self.multipliers = Multipliers.first(problem, point)
-        known = neighbour is not None and bool(np.all(problem.target.weight > 0.0))
-        if neighbour is not None and known:  # its terminal errors are its multipliers, λ = 2 w e
-            scale = np.array(problem.scaling.states)
-            error = problem.target.error(neighbour.states[-1] / scale)
-            self.multipliers = replace(self.multipliers, target=2.0 * problem.target.weight * error)
+        multipliers = None if neighbour is None else _multipliers_of(neighbour, problem)
+        known = multipliers is not None
+        if multipliers is not None:
+            self.multipliers = replace(self.multipliers, target=multipliers)
         final_time = point.iterate.final_time
         curvature = reference_curvature(self.flight, final_time)
         everything = np.ones(len(problem.target), dtype=bool)
@@ -326,6 +325,7 @@ class ExactHessianIteration:
             rate = rate * problem.bank_rate_limit
             final_time, excess = point.iterate.final_time, point.excess
             cost = point.cost.total + problem.target.quadratic(point.target_error)
+        known = None if point is None else self.multipliers.target / problem.multiplier_scale
         return Trajectory(
             mesh=problem.mesh,
             states=states.T.copy(),
@@ -340,4 +340,15 @@ class ExactHessianIteration:
                 limit_excess=tuple(excess.tolist()),
                 log=tuple(self.log),
             ),
+            target_multipliers=known,
         )
+
+
+def _multipliers_of(neighbour: NodalGuess, problem: OptimalControlProblem) -> Array | None:
+    """λ (m,) of a neighbour, scaled: its own, or where all rows are weighted, 2 w e of its end."""
+    if neighbour.target_multipliers is not None:
+        return neighbour.target_multipliers * problem.multiplier_scale
+    if np.all(problem.target.weight > 0.0):
+        error = problem.target.error(neighbour.states[-1] / np.array(problem.scaling.states))
+        return 2.0 * problem.target.weight * error
+    return None

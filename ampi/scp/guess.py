@@ -45,6 +45,7 @@ class NodalGuess:
     states: Array
     bank_rate: Array
     final_time: float
+    target_multipliers: Array | None = None  # of a solved neighbour, cost per SI unit of e
 
 
 def constant_bank_guess(mission: Mission, guess: ConstantBank) -> NodalGuess | None:
@@ -58,7 +59,7 @@ def constant_bank_guess(mission: Mission, guess: ConstantBank) -> NodalGuess | N
     nodal = _sampled(times, states, mesh.times(final_time))
     rate = np.zeros(mesh.n_nodes)
     if guess.heading_corridor is not None:
-        rate = _collocated_rate(mesh, nodal[:, 6], final_time)
+        rate = collocated_rate(mesh, nodal[:, 6], final_time)
     return NodalGuess(nodal, rate, final_time)
 
 
@@ -105,7 +106,7 @@ def _fly(
     return times, None
 
 
-def _collocated_rate(mesh: Mesh, bank: Array, final_time: float) -> Array:
+def collocated_rate(mesh: Mesh, bank: Array, final_time: float) -> Array:
     """Rate (n,) of the bank-angle polynomials through `bank` (n,); zero at the first node."""
     rate = np.zeros(mesh.n_nodes)
     for s in mesh.segments:
@@ -152,8 +153,10 @@ def from_trajectory(trajectory: Trajectory, mission: Mission) -> NodalGuess:
     else:
         times = mesh.times(trajectory.final_time)
         states, _ = trajectory.at(np.minimum(times, trajectory.final_time))
-        rate = _collocated_rate(mesh, states[6], trajectory.final_time)
-    return NodalGuess(states.T.copy(), rate.copy(), trajectory.final_time)
+        rate = collocated_rate(mesh, states[6], trajectory.final_time)
+    return NodalGuess(
+        states.T.copy(), rate.copy(), trajectory.final_time, trajectory.target_multipliers
+    )
 
 
 def nodal_guess(mission: Mission, guess: ConstantBank | Trajectory) -> NodalGuess | None:

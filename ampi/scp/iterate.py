@@ -11,7 +11,7 @@ from ampi.scp.condensing import CondensedDynamics, Iterate, condense
 from ampi.scp.cost import Cost, cost_of
 from ampi.scp.derivatives import NodeDerivatives, ScaledDynamics, scaled_dynamics
 from ampi.scp.elastic_target import elastic_cost
-from ampi.scp.guess import NodalGuess
+from ampi.scp.guess import NodalGuess, collocated_rate
 from ampi.scp.penalty import limit_excess
 from ampi.scp.problem import BANK, OptimalControlProblem, Target
 from ampi.scp.transcription import RadauTranscription, radau_transcription
@@ -146,9 +146,17 @@ class Flight:
         )
 
     def first_point(self, guess: NodalGuess) -> Point | None:
-        """The guess in scaled units, moved to this problem's entry state and restored to flight."""
+        """The guess in scaled units, moved to this problem's entry state and restored to flight.
+
+        Its bank angle is cut at this problem's limit: no step of a small trust region leads back there.
+        """
         states = guess.states / np.array(self.problem.scaling.states)
-        rate = np.clip(guess.bank_rate[1:] / self.problem.bank_rate_limit, -1.0, 1.0)
+        rate = guess.bank_rate[1:]
+        limit, bank = self.problem.bank_limit, states[:, BANK]
+        if np.abs(bank).max() > limit:
+            states[:, BANK] = np.clip(bank, -limit, limit)
+            rate = collocated_rate(self.problem.mesh, states[:, BANK], guess.final_time)[1:]
+        rate = np.clip(rate / self.problem.bank_rate_limit, -1.0, 1.0)
         iterate = Iterate(states, rate, guess.final_time)
         try:
             linearised = self.linearise(iterate)

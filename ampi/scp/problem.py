@@ -27,7 +27,10 @@ from ampi.scp.objective import Objective
 Array = NDArray[np.float64]
 
 N_STATES = 7
-BANK = 6  # row of the bank angle
+LONGITUDE = 1  # feeds back into no rate: the planet and its air are the same all around
+BANK = 6  # its rate is the control, whatever the states
+CORE = (0, 2, 3, 4, 5)  # what lies between the two in the equations of motion
+N_CORE = len(CORE)
 
 
 @dataclass(frozen=True)
@@ -129,6 +132,12 @@ class OptimalControlProblem:
     def n_limits(self) -> int:
         """How many path limits there are."""
         return len(self.functions.names)
+
+    @property
+    def multiplier_scale(self) -> Array:
+        """Scaled multipliers of the target over those in SI (m,)."""
+        units = np.array(self.scaling.states)[self.target.state]
+        return np.asarray(units / self.objective.cost_scale)
 
     def reference_cost(self, final_time: float) -> float:
         """Effort of one linear sweep from −σ_max to σ_max over the flight, at its reference weight."""

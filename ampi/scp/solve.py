@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Hashable, Sequence
 from functools import lru_cache
 
 import numpy as np
@@ -10,7 +11,8 @@ from threadpoolctl import ThreadpoolController
 from ampi.missions.mission import GuessSection, Mission
 from ampi.scp.capabilities import MethodError, check
 from ampi.scp.exact_hessian import ExactHessianIteration, SolverSettings
-from ampi.scp.guess import ConstantBank, default_guess, nodal_guess
+from ampi.scp.family import kind, newton
+from ampi.scp.guess import ConstantBank, default_guess, from_trajectory, nodal_guess
 from ampi.scp.methods import METHODS, solve_by
 from ampi.scp.problem import OptimalControlProblem
 from ampi.scp.refinement import RefinementSettings, refine
@@ -84,6 +86,45 @@ def solve(
         if refinement is None:
             return solve_on(mission, guess)
         return refine(mission, solve_on, guess=guess, settings=refinement)
+
+
+def solve_family(
+    missions: Sequence[Mission],
+    guesses: Sequence[Trajectory],
+    settings: SolverSettings | None = None,
+) -> list[Trajectory | None]:
+    """Solve neighbouring missions together, each from a neighbour's solution on the same mesh.
+
+    The optima are those of `solve`; a solution does not depend on which missions are solved with it.
+
+    Parameters
+    ----------
+    missions
+        Members of one family (`Mission.with_parameters`).
+    guesses
+        One for each, with `target_multipliers`.
+    settings
+        Its tolerances; those of `solve`.
+
+    Returns
+    -------
+    list of Trajectory or None
+        None for a mission that needs the whole method (a limit active, a term of the objective that
+        Newton's iteration does not know): that is no verdict on it, `solve` it.
+    """
+    problems = [OptimalControlProblem.from_mission(mission) for mission in missions]
+    alike: dict[Hashable, list[int]] = {}
+    for case, (problem, guess) in enumerate(zip(problems, guesses, strict=True)):
+        if guess.mesh == problem.mesh and guess.target_multipliers is not None:
+            alike.setdefault(kind(problem), []).append(case)
+    found: list[Trajectory | None] = [None] * len(problems)
+    with _blas().limit(limits=1):
+        for cases in alike.values():
+            starts = [from_trajectory(guesses[c], missions[c]) for c in cases]
+            solutions = newton([problems[c] for c in cases], starts, settings)
+            for case, solution in zip(cases, solutions, strict=True):
+                found[case] = solution
+    return found
 
 
 def _by_the_literature(

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from ampi.pseudospectral.lagrange import barycentric_weights, interpolation_matrix
 from ampi.pseudospectral.mesh import Mesh
-from ampi.scp.problem import N_STATES
+from ampi.scp.problem import N_CORE
 
 Array = NDArray[np.float64]
 
@@ -34,8 +34,8 @@ class RadauTranscription:
     half_fixed: Array  # (n−1,), α per collocation point
     half_free: Array  # (n−1,), β
     weights: Array  # (n−1,), quadrature
-    derivative_kron: tuple[Array, ...]  # per segment, D ⊗ I₇ without its first node
-    start_kron: tuple[Array, ...]  # per segment, D₀ ⊗ I₇
+    core_derivative: tuple[Array, ...]  # per segment, D ⊗ I₅ without its first node, by columns
+    integration: Array  # (n−1, n−1): ∫ from the entry to every collocation point, over h dτ
     entry_rate: Array  # (N₁,): bank rate at τ = −1 from the first segment's collocation values
 
     def half_lengths(self, final_time: float) -> Array:
@@ -73,11 +73,23 @@ def radau_transcription(mesh: Mesh) -> RadauTranscription:
         half_fixed=np.repeat([s.half_length[0] for s in segments], count),
         half_free=np.repeat([s.half_length[1] for s in segments], count),
         weights=np.concatenate([s.rule.weights for s in segments]),
-        derivative_kron=tuple(_kron(s.rule.derivative[:, 1:]) for s in segments),
-        start_kron=tuple(_kron(s.rule.derivative[:, :1]) for s in segments),
+        core_derivative=tuple(
+            np.asfortranarray(np.kron(s.rule.derivative[:, 1:], np.eye(N_CORE))) for s in segments
+        ),
+        integration=_integration(mesh),
         entry_rate=interpolation_matrix(inner, barycentric_weights(inner), [-1.0])[0],
     )
 
 
-def _kron(matrix: Array) -> Array:
-    return np.asarray(np.kron(matrix, np.eye(N_STATES)), dtype=np.float64)
+def _integration(mesh: Mesh) -> Array:
+    """Inverse of the derivative matrices of all segments, chained: x_i − x_0 = Σ_j I_ij (h f)_j.
+
+    Within a segment it is D⁻¹ without the first node (Garg et al. 2011, Section 3); the last row of
+    that, its quadrature weights, leads from one segment to the next.
+    """
+    matrix = np.zeros((mesh.n_nodes - 1, mesh.n_nodes - 1))
+    for s in mesh.segments:
+        inside = np.linalg.inv(s.rule.derivative[:, 1:])
+        matrix[s.collocation, s.collocation] = inside
+        matrix[s.collocation.stop :, s.collocation] = inside[-1]
+    return matrix

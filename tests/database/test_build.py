@@ -49,7 +49,7 @@ def test_interrupted_build_resumes_to_the_same_file(
     with pytest.raises(StoppedHereError):
         database.build(small_mission, path, n_jobs=2, advance=interrupt)
     assert not path.exists()
-    kept = len(list(partial_folder(path).glob("case_*.npz")))
+    kept = len(list(partial_folder(path).glob("case_*.rec")))
     assert 4 <= kept < 9
     with pytest.raises(DatasetError, match=r"not finished .* same build command"):
         load_guidance(path)
@@ -69,7 +69,7 @@ def test_a_damaged_record_is_solved_again(
         database.build(
             small_mission, path, n_jobs=1, advance=lambda count: 1 // 0 if count else None
         )
-    record = sorted(folder.glob("case_*.npz"))[0]
+    record = sorted(folder.glob("case_*.rec"))[0]
     record.write_bytes(record.read_bytes()[:100])
     report = database.build(small_mission, path, n_jobs=1)
     assert report.resumed == 0
@@ -125,7 +125,7 @@ def test_an_exception_in_the_optimiser_is_a_record(small_mission: Mission, tmp_p
 def test_a_case_leaves_its_record_and_nothing_else(small_mission: Mission, tmp_path: Path) -> None:
     planned = layers(Grid.from_mission(small_mission))[0][0]
     SolveCase(Campaign(small_mission.toml, tmp_path), planned).run(lambda attempt: None)
-    assert [f.name for f in tmp_path.iterdir()] == [f"case_{planned.case:06d}.npz"]
+    assert [f.name for f in tmp_path.iterdir()] == [f"case_{planned.case:06d}.rec"]
 
 
 def test_an_existing_file_survives_a_failed_rebuild(

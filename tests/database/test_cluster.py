@@ -44,7 +44,7 @@ def test_a_worker_killed_midway_leaves_no_trace(
     killed: list[int] = []
 
     def kill_one(count: int) -> None:
-        done = len(list(partial_folder(path).glob("case_*.npz")))
+        done = len(list(partial_folder(path).glob("case_*.rec")))
         if not killed and 3 <= done < 9:
             killed.append(next(iter(client.run(os.getpid).values())))
             os.kill(killed[0], signal.SIGKILL)

@@ -24,7 +24,7 @@ from ampi.missions.mission import Mission, parse_mission
 from ampi.physics.equations_of_motion import STATES
 from ampi.pseudospectral.mesh import Mesh, Phase
 from ampi.scp.exact_hessian import SolverSettings
-from ampi.scp.solve import solve
+from ampi.scp.solve import solve_family
 from ampi.trajectory import Status, Trajectory
 from database.gains import GainSettings, vertex_gains
 from database.grid import Grid
@@ -132,11 +132,14 @@ def test_the_file_alone_solves_a_case_again_to_the_same_numbers(small_database: 
             float(content["final_time"][at]),
             float(content["cost"][at]),
             Status.SOLVED,
+            target_multipliers=content["target_multipliers"][at],
         )
 
     neighbour = predicted(grid, int(np.ravel_multi_index(case, grid.shape)), solved)
     here = mission.with_parameters([axis[i] for axis, i in zip(grid.axes, case, strict=True)])
-    again = solve(here, guess=neighbour, settings=settings)
+    assert neighbour is not None
+    (again,) = solve_family([here], [neighbour], settings)
+    assert again is not None
     assert np.array_equal(again.states, content["states"][case])
     assert np.array_equal(again.bank_rate, content["bank_rate"][case])
     assert (again.final_time, again.cost, again.statistics.iterations) == (
@@ -221,7 +224,7 @@ def test_another_schema_version_is_refused(small_database: Path, tmp_path: Path)
         file.attrs["schema_version"] = 99
     seal(path)
     with pytest.raises(
-        DatasetError, match="schema version 99, this ampi reads version 2; read it with"
+        DatasetError, match="schema version 99, this ampi reads version 3; read it with"
     ):
         load_guidance(path)
 

@@ -116,7 +116,7 @@ def test_an_idle_worker_that_dies_is_replaced(small_mission: Mission, tmp_path: 
         worker.process.kill()
         worker.process.wait()
     supervisor.close()
-    assert len(list(tmp_path.glob("case_*.npz"))) == 3
+    assert len(list(tmp_path.glob("case_*.rec"))) == 3
 
 
 @contextmanager
@@ -152,7 +152,7 @@ def test_a_full_disk_is_one_sentence_and_loses_nothing(
             BuildError, match=r"No space left on device.*make room and run the same"
         ):
             database.build(small_mission, path, n_jobs=1, solver=neighbour_moved)
-        kept = len(list(partial_folder(path).glob("case_*.npz")))
+        kept = len(list(partial_folder(path).glob("case_*.rec")))
         assert not path.exists()
         assert not list(folder.rglob("*.tmp"))
         subprocess.run(["mount", "-o", "remount,size=8m", folder], check=True)

@@ -33,13 +33,13 @@ def test_a_case_of_an_unfinished_build(small_mission: Mission, tmp_path: Path, s
     path = tmp_path / "a.h5"
     with pytest.raises(ZeroDivisionError):
         database.build(small_mission, path, n_jobs=1, advance=lambda n: 1 // 0 if n else None)
-    for late in partial_folder(path).glob("case_00000[0-35-9].npz"):
+    for late in partial_folder(path).glob("case_00000[0-35-9].rec"):
         late.unlink()
     found = rerun(f"{path}{suffix}", 5)
     assert found.stored == "nothing yet"
     assert found.trajectory.status.ok
     assert [a.attempt for a in found.attempts] == ["from case 4 in 1 step(s)"]
-    assert not (partial_folder(path) / "case_000005.npz").exists()
+    assert not (partial_folder(path) / "case_000005.rec").exists()
 
 
 def test_misuse_is_named(small_database: Path, tmp_path: Path) -> None:
@@ -73,7 +73,7 @@ def test_on_the_command_line(small_database: Path, tmp_path: Path) -> None:
 
 
 def test_verify_on_the_command_line(small_database: Path, tmp_path: Path) -> None:
-    assert "whole; 22 datasets, 9 of 9 cases" in ampi("verify", small_database, code=0).stdout
+    assert "whole; 24 datasets, 9 of 9 cases" in ampi("verify", small_database, code=0).stdout
     bad = tmp_path / "bad.h5"
     shutil.copy(small_database, bad)
     raw = bytearray(bad.read_bytes())

@@ -23,7 +23,7 @@ from ampi.loading import load_guidance
 from ampi.trajectory import Status
 from database.verify import Findings, examine, verify
 
-SCALES = ("state", "limit", "affine", "node", "high_density")
+SCALES = ("state", "target", "limit", "affine", "node", "high_density")
 AXES = ("speed", "flight_path_angle")
 DATASETS = (*FIELDS, *SCALES, *(f"axis_{name}" for name in AXES))
 

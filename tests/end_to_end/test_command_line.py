@@ -182,7 +182,7 @@ def test_control_c_keeps_the_cases_and_says_how_to_go_on(tmp_path: Path) -> None
         start_new_session=True,
     )
     records = tmp_path / "big.h5.partial"
-    while process.poll() is None and len(list(records.glob("case_*.npz"))) < 5:
+    while process.poll() is None and len(list(records.glob("case_*.rec"))) < 5:
         time.sleep(0.1)
     os.killpg(process.pid, signal.SIGINT)
     _, told = process.communicate()
@@ -190,4 +190,4 @@ def test_control_c_keeps_the_cases_and_says_how_to_go_on(tmp_path: Path) -> None
     assert "solved cases are kept in big.h5.partial" in told
     assert "To continue: ampi build shefex3 big.h5" in told
     assert not (tmp_path / "big.h5").exists()
-    assert len(list(records.glob("case_*.npz"))) >= 5
+    assert len(list(records.glob("case_*.rec"))) >= 5

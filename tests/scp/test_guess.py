@@ -172,3 +172,15 @@ def test_reversals_keep_the_azimuth_in_its_corridor() -> None:
     assert inside.max() < 2.0 * corridor  # the turn goes on while the vehicle rolls
     assert np.count_nonzero(np.diff(np.sign(bank))) >= 2
     assert np.abs(bank).max() <= np.radians(64.0) * (1.0 + 1e-9)
+
+
+def test_a_guess_beyond_the_bank_limit_is_cut_at_it() -> None:
+    # A neighbour with a wider limit: cut, its flight leads on; as it stood, no step led back inside.
+    mission = load_mission("shefex3")
+    optimum = solve(mission)
+    greatest = float(np.abs(optimum.states[6]).max())
+    limits = mission.limits.model_copy(update={"bank_angle": greatest - np.radians(2.0)})
+    found = solve(mission.model_copy(update={"limits": limits}), guess=optimum)
+    assert found.status is Status.SOLVED
+    assert np.abs(found.states[6]).max() <= limits.bank_angle + 1e-9
+    assert found.cost > optimum.cost

@@ -345,13 +345,19 @@ def test_price_and_penalty_grow_on_their_own_counts(
 def test_a_neighbour_brings_its_multipliers(
     mission: Mission, problem: OptimalControlProblem, nominal: Trajectory, optimum: Point
 ) -> None:
-    # λ = 2 w e of its terminal errors, in the solver's units: the first model is already Newton's.
+    # In the solver's units: the first model is already Newton's.
     run = ExactHessianIteration(problem, SolverSettings())
     run.first_model(optimum, from_trajectory(nominal, mission))
-    known = 2.0 * terminal_weights(mission) * terminal_error(mission, nominal)
     scale = np.array(problem.scaling.states)[:4] / problem.objective.cost_scale
-    assert run.multipliers.target == pytest.approx(known * scale, rel=1e-6)
+    assert nominal.target_multipliers is not None
+    assert run.multipliers.target == pytest.approx(nominal.target_multipliers * scale, rel=1e-14)
     assert np.all(run.weights.price > np.abs(run.multipliers.target))
+    # λ = 2 w e of the terminal errors: where nothing else is known, and at an optimum the same
+    anonymous = replace(nominal, target_multipliers=None)
+    run.first_model(optimum, from_trajectory(anonymous, mission))
+    known = 2.0 * terminal_weights(mission) * terminal_error(mission, nominal)
+    assert run.multipliers.target == pytest.approx(known * scale, rel=1e-7)
+    assert nominal.target_multipliers == pytest.approx(known, rel=1e-5)
 
 
 def test_the_log_says_where_the_time_went(nominal: Trajectory) -> None:

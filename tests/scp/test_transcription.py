@@ -19,6 +19,7 @@ from ampi.scp.condensing import Iterate
 from ampi.scp.cost import cost_of
 from ampi.scp.iterate import Flight, Point
 from ampi.scp.objective import Objective
+from ampi.scp.problem import CORE
 from ampi.scp.transcription import radau_transcription
 
 Array = NDArray[np.float64]
@@ -108,10 +109,20 @@ def test_the_derivative_blocks_are_those_of_the_residual() -> None:
     t = radau_transcription(MESH)
     x = np.random.default_rng(1).normal(size=(MESH.n_nodes, 7))
     residual = t.residual(x, np.zeros_like(x), 700.0)
-    for k, s in enumerate(MESH.segments):
-        inside = x[s.nodes]
-        blocks = t.derivative_kron[k] @ inside[1:].ravel() + t.start_kron[k] @ inside[0]
-        assert blocks.reshape(-1, 7) == pytest.approx(residual[s.collocation], abs=1e-12)
+    core = x[:, CORE]
+    for s, derivative in zip(MESH.segments, t.core_derivative, strict=True):
+        inside = core[s.nodes]
+        found = (derivative @ inside[1:].ravel()).reshape(-1, len(CORE))
+        found += s.rule.derivative[:, :1] * inside[0]
+        assert found == pytest.approx(residual[s.collocation][:, CORE], abs=1e-12)
+
+
+def test_integration_inverts_the_derivative_across_segments() -> None:
+    t = radau_transcription(MESH)
+    x = np.random.default_rng(2).normal(size=(MESH.n_nodes, 7))
+    rates = t.residual(x, np.zeros_like(x), 700.0)  # D x alone
+    assert x[0] + t.integration @ rates == pytest.approx(x[1:], abs=1e-12)
+    assert t.integration[-1] == pytest.approx(t.weights, abs=1e-13)
 
 
 def test_the_restored_flight_satisfies_collocation_and_entry(

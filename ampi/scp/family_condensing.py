@@ -1,0 +1,277 @@
+"""Condensing (`condensing`, Eqs. (1) to (4)) for c cases of a family at once.
+
+The same algebra with one more axis, of cases. Every sum runs within a case, so that no case depends on
+its company: the axis of cases is never one of a matrix product's own two.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg.lapack import dgetrf, dgetrs
+
+from ampi.physics.equations_of_motion import FlightModel
+from ampi.scp.derivatives import trace
+from ampi.scp.node_functions import NodeFunctions
+from ampi.scp.problem import BANK, CORE, LONGITUDE, N_CORE, N_STATES, OptimalControlProblem
+from ampi.scp.transcription import RadauTranscription
+from ampi.scp.vectorised import VectorisedFunction
+
+Array = NDArray[np.float64]
+Entries = dict[
+    tuple[int, int], Array
+]  # a sparse matrix at every point: (row, column) → (c, points)
+
+MOVING = (*CORE, BANK)  # the states that enter rates, in the order of Z's rows
+TIME = N_STATES  # the column of t among derivatives over (x, t)
+
+
+@dataclass(frozen=True, eq=False)
+class FamilyDynamics:
+    """The traced physics, vectorised over points: x (7, points), û and t (1, points)."""
+
+    values: VectorisedFunction  # f, g
+    first: VectorisedFunction  # f, ∂f/∂x, ∂f/∂t
+    second: VectorisedFunction  # ∂²(μᵀf)/∂(x, t)², with μ (7, points)
+
+
+def family_dynamics(problem: OptimalControlProblem) -> FamilyDynamics:
+    """Traced once per process and model."""
+    return _traced(
+        problem.model, problem.functions, problem.scaling.states, problem.bank_rate_limit
+    )
+
+
+@lru_cache(maxsize=16)
+def _traced(
+    model: FlightModel,
+    functions: NodeFunctions,
+    state_scale: tuple[float, ...],
+    rate_scale: float,
+) -> FamilyDynamics:
+    traced = trace(model, functions, state_scale, rate_scale)
+    x, u, t, f = traced.x, traced.u, traced.t, ca.densify(traced.f)
+    mu = ca.SX.sym("mu", N_STATES)
+    hessian = ca.hessian(ca.dot(mu, f), ca.vertcat(x, t))[0]
+    return FamilyDynamics(
+        VectorisedFunction([x, u, t], [f, ca.densify(traced.g)]),
+        VectorisedFunction([x, u, t], [f, traced.jacobian, ca.jacobian(f, t)]),
+        VectorisedFunction([x, u, t, mu], [hessian]),
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class CondensedFamily:
+    """Z of every case and the factors that made it."""
+
+    problem: OptimalControlProblem  # any of the family
+    transcription: RadauTranscription
+    half: Array  # h, (c, n − 1)
+    stretched: Entries  # h ∂f/∂x at the collocation points
+    time_derivative: Array  # ∂f/∂t, (7, c, n − 1)
+    factors: tuple[tuple[tuple[Array, Array], ...], ...]  # LU, pivots by segment and case
+    moving: Array  # Z of the moving states, (c, n, 6, n_z)
+    along: Array  # rows over z whose running integral is Z of the longitude, (c, n − 1, n_z)
+
+    @property
+    def final_map(self) -> Array:
+        """Z of all states at the last node, (c, 7, n_z)."""
+        final = np.empty((len(self.moving), N_STATES, self.moving.shape[3]))
+        final[:, MOVING] = self.moving[:, -1]
+        final[:, LONGITUDE] = (self.transcription.integration[-1:] @ self.along)[:, 0]
+        return final
+
+    def change(self, z: Array) -> Array:
+        """Z z, (7, c, n), of z (c, n_z)."""
+        cases, n = self.moving.shape[:2]
+        found = np.zeros((N_STATES, cases, n))
+        found[list(MOVING)] = (self.moving @ z[:, None, :, None])[..., 0].transpose(2, 0, 1)
+        turned = self.transcription.integration @ (self.along @ z[:, :, None])
+        found[LONGITUDE, :, 1:] = turned[:, :, 0]
+        return found
+
+    def correction(self, residual: Array) -> Array:
+        """Change (c, n − 1, 7) at fixed entry state, u and t_f that cancels `residual` (likewise)."""
+        integration = self.transcription.integration
+        change = np.empty_like(residual)
+        change[:, :, BANK] = -_integrated(integration, residual[:, :, BANK])
+        right = -residual[:, :, CORE]
+        for i, state in enumerate(CORE):
+            if (state, BANK) in self.stretched:
+                right[:, :, i] += self.stretched[state, BANK] * change[:, :, BANK]
+        start = np.zeros((len(right), N_CORE))
+        for s, factors in zip(self.transcription.mesh.segments, self.factors, strict=True):
+            here = right[:, s.collocation] - s.rule.derivative[:, :1] * start[:, None]
+            for case, (lu, pivots) in enumerate(factors):
+                solution = dgetrs(lu, pivots, here[case].ravel())[0]
+                right[case, s.collocation] = solution.reshape(-1, N_CORE)
+            start = right[:, s.collocation.stop - 1]
+        change[:, :, CORE] = right
+        along = -residual[:, :, LONGITUDE]
+        for state in MOVING:
+            if (LONGITUDE, state) in self.stretched:
+                along = along + self.stretched[LONGITUDE, state] * change[:, :, state]
+        change[:, :, LONGITUDE] = _integrated(integration, along)
+        return change
+
+    def multipliers(self, final_gradient: Array) -> Array:
+        """μ (7, c, n − 1) from the cost's gradient over the final states (c, 7)."""
+        integration, mesh = self.transcription.integration, self.transcription.mesh
+        cases, points = self.half.shape
+        mu = np.empty((N_STATES, cases, points))
+        mu[LONGITUDE] = -integration[-1] * final_gradient[:, LONGITUDE, None]
+        right = np.zeros((cases, points, len(MOVING)))
+        for i, state in enumerate(MOVING):
+            if (LONGITUDE, state) in self.stretched:
+                right[:, :, i] = self.stretched[LONGITUDE, state] * mu[LONGITUDE]
+        right[:, -1] -= final_gradient[:, MOVING]
+        carried = np.zeros((cases, N_CORE))
+        core = right[:, :, :N_CORE]
+        for s, factors in reversed(list(zip(mesh.segments, self.factors, strict=True))):
+            core[:, s.collocation.stop - 1] -= carried
+            for case, (lu, pivots) in enumerate(factors):
+                solution = dgetrs(lu, pivots, core[case, s.collocation].ravel(), trans=1)[0]
+                core[case, s.collocation] = solution.reshape(-1, N_CORE)
+            carried = (s.rule.derivative[:, 0] @ core[:, s.collocation])[:, :]
+        mu[list(CORE)] = core.transpose(2, 0, 1)
+        on_bank = right[:, :, N_CORE]
+        for i, state in enumerate(CORE):
+            if (state, BANK) in self.stretched:
+                on_bank = on_bank + self.stretched[state, BANK] * core[:, :, i]
+        mu[BANK] = _integrated(integration.T, on_bank)
+        return mu
+
+    def reduced_hessian(self, curvature: Entries, mu: Array, shift: Array) -> tuple[Array, Array]:
+        """Eq. (4), (c, n_z, n_z), of the dynamics, and its product with states shifted (c, n_z).
+
+        `curvature` is that of −h μᵀf over (x, t), `shift` a change of the states (c, n − 1, 7).
+        """
+        t, scale = self.transcription, self.problem.scaling.final_time
+        cases, points = self.half.shape
+        n_z = self.moving.shape[3]
+        inner = self.moving[:, 1:]
+        flat = inner.reshape(cases, -1, n_z)
+        weight = np.zeros((cases, points, len(MOVING), len(MOVING)))
+        by_time = np.zeros((cases, points, len(MOVING)))
+        twice = np.zeros((cases, points))
+        for (row, column), values in curvature.items():
+            if row in MOVING and column in MOVING:
+                weight[:, :, MOVING.index(row), MOVING.index(column)] = values
+            elif row in MOVING and column == TIME:
+                by_time[:, :, MOVING.index(row)] = values
+            elif row == column == TIME:
+                twice = values
+        hessian = flat.transpose(0, 2, 1) @ (weight @ inner).reshape(cases, -1, n_z)
+        step = t.node_free[1:] * scale  # of the node's time per δt_f
+        # what multiplies δt_f: W_xt of the nodes that move with it, and h(t_f) in −h μᵀ A δx
+        stretch = -(t.half_free * scale) / self.half
+        row_of = by_time * step[:, None]
+        for (row, column), values in self.stretched.items():
+            row_of[:, :, MOVING.index(column)] += stretch * values * mu[row]
+        coupling = (row_of.reshape(cases, 1, -1) @ flat)[:, 0]
+        grown = -(t.half_free * scale) * mu
+        coupling[:, :points] += grown[BANK] * self.problem.bank_rate_limit
+        along = np.zeros((cases, points))
+        for state in range(N_STATES):
+            along = along + grown[state] * self.time_derivative[state]
+        own = along * step + 0.5 * twice * step**2
+        coupling[:, -2] += own.sum(axis=1)
+        hessian[:, -2] += coupling
+        hessian[:, :, -2] += coupling
+        moved = shift[:, :, MOVING]
+        bent = (weight @ moved[..., None]).reshape(cases, 1, -1)
+        product = (bent @ flat)[:, 0]
+        product[:, -2] += (row_of.reshape(cases, 1, -1) @ moved.reshape(cases, -1, 1))[:, 0, 0]
+        return hessian, product
+
+
+def condense_family(
+    problem: OptimalControlProblem,
+    t: RadauTranscription,
+    dynamics: FamilyDynamics,
+    derivatives: list[Array],
+    final_time: Array,
+) -> CondensedFamily:
+    """Z of every case, from `dynamics.first` at all nodes, case by case, and `final_time` (c,)."""
+    cases, n = len(final_time), t.mesh.n_nodes
+    n_z = n + 1
+    f, jacobian, over_time = derivatives
+    half = t.half_fixed + t.half_free * final_time[:, None]
+    stretched = {
+        entry: half * row.reshape(cases, n)[:, 1:]
+        for entry, row in zip(dynamics.first.nonzeros[1], jacobian, strict=True)
+    }
+    time_derivative = np.zeros((N_STATES, cases, n - 1))
+    for (state, _), row in zip(dynamics.first.nonzeros[2], over_time, strict=True):
+        time_derivative[state] = row.reshape(cases, n)[:, 1:]
+    by_time = t.half_free * f.reshape(N_STATES, cases, n)[:, :, 1:]
+    by_time += half * t.node_free[1:] * time_derivative
+    by_time *= problem.scaling.final_time
+
+    moving = np.zeros((cases, n, len(MOVING), n_z))
+    bank = moving[:, :, N_CORE]
+    bank[:, :, -1] = 1.0
+    bank[:, 1:, :-2] = t.integration * (half * problem.bank_rate_limit)[:, None]
+    bank[:, 1:, -2] = _integrated(t.integration, by_time[BANK])
+    factors = []
+    for s, derivative in zip(t.mesh.segments, t.core_derivative, strict=True):
+        rows = s.collocation
+        after = slice(rows.start + 1, rows.stop + 1)
+        factored = _factored(derivative, stretched, rows, cases)
+        by_bank = np.zeros((cases, s.rule.degree, N_CORE))
+        for i, state in enumerate(CORE):
+            if (state, BANK) in stretched:
+                by_bank[:, :, i] = stretched[state, BANK][:, rows]
+        # by columns: start of the core, start of the bank angle, δu of this segment, δt_f
+        right = np.zeros((cases, N_CORE + 1 + s.rule.degree + 1, s.rule.degree, N_CORE))
+        for i in range(N_CORE):
+            right[:, i, :, i] = -s.rule.derivative[:, 0]
+        right[:, N_CORE] = by_bank
+        right[:, N_CORE + 1 : -1] = (
+            bank[:, after, rows].transpose(0, 2, 1)[..., None] * by_bank[:, None]
+        )
+        inside = bank[:, after, -2] - bank[:, rows.start, -2, None]
+        core_by_time = by_time[list(CORE)][:, :, rows].transpose(1, 2, 0)
+        right[:, -1] = core_by_time + inside[..., None] * by_bank
+        solved = right.reshape(cases, right.shape[1], -1)
+        for case, factor in enumerate(factored):
+            solved[case] = dgetrs(*factor, solved[case].T, overwrite_b=1)[0].T
+        block = solved[:, : N_CORE + 1].transpose(0, 2, 1) @ moving[:, rows.start]
+        block[:, :, rows] += solved[:, N_CORE + 1 : -1].transpose(0, 2, 1)
+        block[:, :, -2] += solved[:, -1]
+        moving[:, after, :N_CORE] = block.reshape(cases, -1, N_CORE, n_z)
+        factors.append(factored)
+    turning = np.zeros((cases, n - 1, 1, len(MOVING)))
+    for i, state in enumerate(MOVING):
+        if (LONGITUDE, state) in stretched:
+            turning[:, :, 0, i] = stretched[LONGITUDE, state]
+    along = (turning @ moving[:, 1:])[:, :, 0]
+    along[:, :, -2] += by_time[LONGITUDE]
+    return CondensedFamily(
+        problem, t, half, stretched, time_derivative, tuple(factors), moving, along
+    )
+
+
+def _factored(
+    derivative: Array, stretched: Entries, rows: slice, cases: int
+) -> tuple[tuple[Array, Array], ...]:
+    """LU and pivots of D⊗I₅ − h A_cc of one segment, by case; singular ones give what is not finite."""
+    size = len(derivative)
+    transposed = np.broadcast_to(derivative.T, (cases, size, size)).copy()
+    blocks = transposed.reshape(cases, size // N_CORE, N_CORE, size // N_CORE, N_CORE)
+    diagonal = np.einsum("ckjki->ckji", blocks)
+    for i, row in enumerate(CORE):
+        for j, column in enumerate(CORE):
+            if (row, column) in stretched:
+                diagonal[:, :, j, i] -= stretched[row, column][:, rows]
+    found = (dgetrf(matrix.T, overwrite_a=1) for matrix in transposed)
+    return tuple((lu, pivots) for lu, pivots, _ in found)
+
+
+def _integrated(integration: Array, rates: Array) -> Array:
+    """Running integrals (c, n − 1) of `rates` (c, n − 1), case by case."""
+    return np.asarray((integration @ rates[:, :, None])[:, :, 0])

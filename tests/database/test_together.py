@@ -1,0 +1,127 @@
+"""Cases solved together: the records of cases solved alone, to the bit, whatever happens to them."""
+
+from __future__ import annotations
+
+import os
+import signal
+from pathlib import Path
+
+import pytest
+
+import database
+from ampi.missions.mission import Mission, parse_mission
+from ampi.scp.solve import solve
+from ampi.trajectory import Trajectory
+from database.build import planned_jobs
+from database.continuation import PlannedCase, layers
+from database.jobs import AssembleBlock, Campaign, SolveCase, SolveTogether
+from database.records import load_record
+from database.supervisor import Supervisor
+
+BYTES = ("states", "bank_rate", "final_time", "cost", "target_multipliers", "status")
+
+
+@pytest.fixture
+def campaign(small_mission: Mission, tmp_path: Path) -> Campaign:
+    """With the centre solved."""
+    found = Campaign(small_mission.toml, tmp_path)
+    SolveCase(found, layers(found.grid)[0][0]).run(lambda attempt: None)
+    return found
+
+
+def plan(campaign: Campaign) -> list[PlannedCase]:
+    return [planned for layer in layers(campaign.grid)[1:] for planned in layer]
+
+
+def numbers(campaign: Campaign, case: int) -> dict[str, object]:
+    record = load_record(campaign.folder, case, campaign.mission)
+    assert record is not None
+    found: dict[str, object] = {
+        name: value.tobytes() if hasattr(value, "tobytes") else value
+        for name, value in ((n, getattr(record.trajectory, n)) for n in BYTES)
+    }
+    counts = (record.trajectory.statistics.iterations, record.solves)
+    return {**found, "message": record.message, "counts": counts}
+
+
+def test_together_or_alone_the_records_are_the_same(campaign: Campaign, tmp_path: Path) -> None:
+    alone = Campaign(campaign.toml, tmp_path / "alone")
+    alone.folder.mkdir()
+    SolveCase(alone, layers(alone.grid)[0][0]).run(lambda attempt: None)
+    for layer in layers(campaign.grid)[1:]:
+        job = SolveTogether(campaign, tuple(layer))
+        assert not job.kept
+        job.run(lambda attempt: None)
+        kept = {planned.case for planned in layer if SolveCase(campaign, planned).kept}
+        assert len(kept) >= len(layer) // 2
+        for planned in layer:
+            if planned.case not in kept:
+                SolveCase(campaign, planned).run(lambda attempt: None)
+            SolveCase(alone, planned).run(lambda attempt: None)
+    for planned in plan(campaign):
+        assert numbers(campaign, planned.case) == numbers(alone, planned.case)
+
+
+def test_what_newton_leaves_has_no_record(campaign: Campaign, tmp_path: Path) -> None:
+    # At a bank limit that the family touches: portions solve the others, each of these goes alone.
+    tight = campaign.toml.replace("bank_angle_deg = 60.0 ", "bank_angle_deg = 47.5 ")
+    assert tight != campaign.toml
+    path = tmp_path / "tight.h5"
+    report = database.build(parse_mission(tight), path, n_jobs=2)
+    assert report.solved == 9
+    folder = tmp_path / "portion"
+    folder.mkdir()
+    other = Campaign(tight, folder)
+    SolveCase(other, layers(other.grid)[0][0]).run(lambda attempt: None)
+    first = layers(other.grid)[1]
+    SolveTogether(other, tuple(first)).run(lambda attempt: None)
+    solved = [planned for planned in first if SolveCase(other, planned).kept]
+    assert 0 < len(solved) < len(first)
+
+
+def test_a_portion_that_is_given_up_or_overdue_leaves_its_cases(campaign: Campaign) -> None:
+    job = SolveTogether(campaign, tuple(plan(campaign)[:4]))
+    job.give_up("for a reason")
+    job.without(0).run(lambda attempt: None)
+    assert not any(SolveCase(campaign, planned).kept for planned in job.planned)
+
+
+def test_a_portion_whose_process_dies_is_left_in_the_end(campaign: Campaign) -> None:
+    job = Deadly(campaign, tuple(plan(campaign)[:4]))
+    supervisor = Supervisor()
+    supervisor.run(job)
+    supervisor.close()
+    assert not any(SolveCase(campaign, planned).kept for planned in job.planned)
+
+
+class Deadly(SolveTogether):
+    """Kills its process."""
+
+    def run(self, announce: object) -> None:
+        os.kill(os.getpid(), signal.SIGKILL)
+
+
+def test_portions_follow_the_room_and_other_optimisers_go_alone(small_mission: Mission) -> None:
+    text = small_mission.toml + "azimuth_deg = [-0.5, 0.0, 0.5]\n"
+    campaign = Campaign(text, Path("nowhere"))
+    jobs, needs = planned_jobs(campaign, kept=(), room=4)
+    portions = [job for job in jobs.values() if isinstance(job, SolveTogether)]
+    cases = [planned.case for job in portions for planned in job.planned]
+    assert sorted(cases) == sorted(p.case for p in plan(campaign))
+    assert max(len(job.planned) for job in portions) <= 6
+    for name, job in jobs.items():
+        if isinstance(job, SolveCase) and job.planned.neighbours:
+            (portion,) = needs[name]
+            together = jobs[portion]
+            assert isinstance(together, SolveTogether)
+            assert job.planned in together.planned
+            assert {f"case {n}" for n in job.planned.neighbours} <= set(needs[portion])
+    other = Campaign(text, Path("nowhere"), another_optimiser)
+    jobs, needs = planned_jobs(other, kept={0}, room=4)
+    solving = [job for job in jobs.values() if not isinstance(job, AssembleBlock)]
+    assert len(solving) == 26
+    assert all(isinstance(job, SolveCase) for job in solving)
+
+
+def another_optimiser(mission: Mission, *, guess: Trajectory | None = None) -> Trajectory:
+    return solve(mission, guess=guess)
