@@ -1,7 +1,8 @@
 """The front door of the offline side: a mission in, a database file out.
 
     plan        which cases, each from which neighbours         (grid, continuation)
-    solve       each case once its neighbours are kept          (schedule, engines, jobs)
+    solve       portions of cases once their neighbours are kept, and alone what those leave
+                                                                (schedule, engines, jobs)
     assemble    each block once its cases are kept              (blocks)
     merge       the blocks into one file, in index order        (writer)
 

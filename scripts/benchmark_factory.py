@@ -102,7 +102,7 @@ def measure(arguments: argparse.Namespace) -> dict[str, Any]:
     return {
         "runner": in_a_process(arguments.points, 6, 2, "stand-in"),
         "real": in_a_process(5, 3, 2, "optimiser"),
-        "parallel": efficiency(3, 6, arguments.repeats),
+        "parallel": [efficiency(*grid, arguments.repeats) for grid in ((3, 6), (5, 5))],
         "machine": f"{os.cpu_count()} cores, Python {platform.python_version()}",
     }
 
@@ -120,15 +120,13 @@ def table(found: dict[str, Any]) -> str:
             f"{b['driver_peak_MiB']:.0f} MiB | {b['largest_worker_peak_MiB']:.0f} MiB | "
             f"{b['file_MB']:.1f} MB | {b['merge_seconds']:.1f} s |"
         )
-    p = found["parallel"]
-    lines += [
-        "",
-        f"{p['grid']}, two processes against one, medians of {p['repeats']}: "
-        f"{np.median(p['seconds_one_process']):.1f} s and "
-        f"{np.median(p['seconds_two_processes']):.1f} s, efficiency {p['efficiency']:.3f} "
-        f"({found['machine']})",
-    ]
-    return "\n".join(lines)
+    lines += ["", "| grid | one process | two | efficiency |", "|---|---|---|---|"]
+    for p in found["parallel"]:
+        one, two = (np.median(p[f"seconds_{k}"]) for k in ("one_process", "two_processes"))
+        lines.append(f"| {p['grid']} | {one:.1f} s | {two:.1f} s | {p['efficiency']:.3f} |")
+    repeats = found["parallel"][0]["repeats"]
+    note = f"Medians of {repeats}; a second of each build is start-up, nominal solution and merge"
+    return "\n".join([*lines, "", f"{note} ({found['machine']})."])
 
 
 def main() -> None:
