@@ -255,8 +255,8 @@ def _against_ipopt(grid: dict[str, Any]) -> list[str]:
             f"{r['median_iterations']:.0f} | {r['solved']} |"
             for name, r in (("this method", ours), ("IPOPT", theirs))
         ),
-        f"| the whole build: also gains, re-integration, the file | {grid['whole_build']['seconds']:.1f} s "
-        f"| – | – | {grid['whole_build']['solved']} |",
+        f"| the whole build: also gains, re-integration, the file | "
+        f"{grid['whole_build']['seconds']:.1f} s | – | – | {grid['whole_build']['solved']} |",
         "",
         f"IPOPT takes {grid['ratio']:.1f} times as long as this method (asked: 3), and "
         f"{grid['whole_build_ratio']:.1f} times as long as the whole build; costs agree to "
