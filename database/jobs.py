@@ -46,6 +46,7 @@ from database.records import (
 )
 
 PATH_STEPS = (4, 16)  # a failed case is retried along this many steps of p
+MOST_MODELS = 16  # as many as a process keeps traced (scp.family_condensing)
 TIME_LIMIT = 60.0  # s for one solve: some 300 times what a hard one takes
 
 
@@ -80,8 +81,8 @@ class Campaign:
 
     @property
     def together(self) -> bool:
-        """Whether cases may be solved together: `solve_family` finds what `solve` finds."""
-        return self.solver is solve
+        """Whether cases are solved together: `solve_family` finds what `solve` finds, and faster."""
+        return self.solver is solve and _flight_models(self.toml) <= MOST_MODELS
 
     @property
     def mission(self) -> Mission:
@@ -102,6 +103,19 @@ class Campaign:
 def _mission_and_grid(toml: str) -> tuple[Mission, Grid]:
     mission = parse_mission(toml)
     return mission, Grid.from_mission(mission)
+
+
+@lru_cache(maxsize=4)
+def _flight_models(toml: str) -> int:
+    """How many flight models the grid holds: those of one model are solved together."""
+    mission, grid = _mission_and_grid(toml)
+    count = 1
+    for i, axis in enumerate(grid.axes):
+        p = mission.nominal_parameters.copy()
+        p[i] = axis[0] if axis[0] != p[i] else axis[-1]
+        if mission.with_parameters(p).flight_model != mission.flight_model:
+            count *= len(axis)
+    return count
 
 
 @dataclass(frozen=True)

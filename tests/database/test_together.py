@@ -125,3 +125,11 @@ def test_portions_follow_the_room_and_other_optimisers_go_alone(small_mission: M
 
 def another_optimiser(mission: Mission, *, guess: Trajectory | None = None) -> Trajectory:
     return solve(mission, guess=guess)
+
+
+def test_many_flight_models_are_solved_one_by_one(small_mission: Mission) -> None:
+    factors = "density_factor = [-0.1, -0.05, 0.0, 0.05, 0.1]\nlift_factor = [-0.1, 0.0, 0.1]\n"
+    few = Campaign(small_mission.toml + factors, Path("nowhere"))
+    many = Campaign(f"{few.toml}drag_factor = [-0.1, 0.0, 0.1]\n", Path("nowhere"))
+    assert few.together
+    assert not many.together
