@@ -181,8 +181,8 @@ def build(
     """Solve a mission's whole grid and write the trajectory database. Run again to resume."""
     import database
     from ampi.dataset import partial_folder
+    from database.campaign import TIME_LIMIT
     from database.grid import Grid
-    from database.jobs import TIME_LIMIT
 
     with _told():
         loaded = load_mission(mission)

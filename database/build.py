@@ -1,8 +1,8 @@
 """The front door of the offline side: a mission in, a database file out.
 
-    plan        which cases, each from which neighbours         (grid, continuation)
+    plan        which cases, each from which neighbours         (grid, continuation, plan)
     solve       portions of cases once their neighbours are kept, and alone what those leave
-                                                                (schedule, engines, jobs)
+                                                                (attempts, jobs, schedule, engines)
     assemble    each block once its cases are kept              (blocks)
     merge       the blocks into one file, in index order        (writer)
 
@@ -17,7 +17,7 @@ import json
 import pickle
 import shutil
 import time
-from collections.abc import Callable, Collection, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
@@ -31,21 +31,13 @@ from ampi.scp.exact_hessian import SolverSettings
 from ampi.scp.solve import solve
 from ampi.trajectory import Status, Trajectory
 from database.blocks import Block, blocks
-from database.continuation import PlannedCase, layers
+from database.campaign import TIME_LIMIT, Campaign, Solver, solver_name
+from database.continuation import layers
 from database.engines import ClusterEngine, Engine, LocalEngine
 from database.gains import GainSettings
-from database.jobs import (
-    TIME_LIMIT,
-    AssembleBlock,
-    Campaign,
-    Job,
-    JobError,
-    SolveCase,
-    Solver,
-    SolveTogether,
-    solver_name,
-)
+from database.jobs import JobError
 from database.lock import LockedError, exclusive
+from database.plan import case_name, planned_jobs
 from database.records import (
     CaseRecord,
     block_path,
@@ -59,11 +51,6 @@ from database.records import (
 )
 from database.schedule import run_jobs
 from database.writer import package_version, write_database
-
-TOGETHER = (
-    32  # cases of a portion, at most: more gain little, and what is in the air is lost by a kill
-)
-FEW = 6  # below, a case costs nearly what it costs alone
 
 
 class BuildError(ValueError):
@@ -208,7 +195,7 @@ class _Build:
                     f"{name}: its result is not in {campaign.folder}; the workers must see the same "
                     "folder as this process: choose a path on a shared file system"
                 )
-            if name == _case(nominal):
+            if name == case_name(nominal):
                 self.require_nominal(nominal)
             self.advance(1 if name.startswith("case ") else 0)
 
@@ -269,66 +256,6 @@ class _Build:
         return record
 
 
-def planned_jobs(
-    campaign: Campaign, kept: Collection[int], room: int
-) -> tuple[dict[str, Job], dict[str, list[str]]]:
-    """Jobs that solve all cases but those `kept` and assemble the blocks, and what each job needs.
-
-    In the order in which they are to run: along the first axis from the centre outwards, so that blocks
-    are assembled while others are solved, and no worker is idle at the end.
-    """
-    jobs, needs = dict[str, Job](), dict[str, list[str]]()
-    grid = campaign.grid
-    open_blocks = [
-        block
-        for block in blocks(grid.shape)
-        if any(case not in kept for case in block.cases(grid.shape))
-        or load_block(campaign.folder, block.number) is None
-    ]
-    solved = set(kept)
-    plan = layers(grid)
-    away = np.abs(np.arange(grid.size) // (grid.size // grid.shape[0]) - grid.centre[0])
-    for distance in range(grid.shape[0]):
-        for layer in plan:
-            here = [p for p in layer if away[p.case] == distance and p.case not in kept]
-            solving_jobs(campaign, here, room, jobs, needs)
-            solved.update(p.case for p in here)
-        for block in list(open_blocks):
-            cases = block.cases(grid.shape)
-            if solved.issuperset(cases):
-                jobs[f"block {block.number}"] = AssembleBlock(campaign, block)
-                needs[f"block {block.number}"] = [_case(c) for c in cases]
-                open_blocks.remove(block)
-    return jobs, needs
-
-
-def solving_jobs(
-    campaign: Campaign,
-    layer: list[PlannedCase],
-    room: int,
-    jobs: dict[str, Job],
-    needs: dict[str, list[str]],
-) -> None:
-    """Add the jobs that solve cases of one layer.
-
-    They are cut into as many portions as an engine with `room` for that many jobs takes at a time, or a
-    multiple of that, but not too fine.
-    """
-    rounds = max(1, -(-len(layer) // (room * TOGETHER)))
-    size = max(FEW, -(-len(layer) // (room * rounds)))
-    for k in range(0, len(layer), size):
-        portion = layer[k : k + size]
-        for planned in portion:
-            jobs[_case(planned.case)] = SolveCase(campaign, planned)
-            needs[_case(planned.case)] = [_case(n) for n in planned.neighbours]
-        if campaign.together and portion[0].neighbours:
-            name = f"cases {', '.join(str(p.case) for p in portion)}"
-            jobs[name] = SolveTogether(campaign, tuple(portion))
-            needs[name] = sorted({n for p in portion for n in needs[_case(p.case)]})
-            for planned in portion:
-                needs[_case(planned.case)] = [name]
-
-
 @dataclass(eq=False)
 class _Tally:
     """What the report says, gathered while the blocks pass by."""
@@ -356,10 +283,6 @@ class _Tally:
             self.worst_position_error = _worst(self.worst_position_error, values["position_error"])
             self.worst_limit = _worst(self.worst_limit, values["peak"])
             yield block, values
-
-
-def _case(case: int) -> str:
-    return f"case {case}"
 
 
 def _worst(before: float, values: np.ndarray) -> float:

@@ -15,26 +15,28 @@ number of times, and always keeps the same result.
 
 from __future__ import annotations
 
-import signal
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import contextmanager
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
 from typing import Protocol
 
-import numpy as np
-
-from ampi.missions.mission import Mission, parse_mission
-from ampi.pseudospectral.mesh import Mesh
-from ampi.scp.solve import solve, solve_family
-from ampi.trajectory import Status, Trajectory
+from ampi.scp.solve import solve_family
+from ampi.trajectory import Trajectory
+from database.attempts import (
+    Attempt,
+    attempts,
+    first_start,
+    follow,
+    no_trajectory,
+    path_to,
+    stopped_after,
+)
 from database.blocks import Block, assemble
+from database.campaign import Campaign
 from database.continuation import PlannedCase
-from database.gains import GainSettings
-from database.grid import Grid
 from database.prediction import predicted
 from database.records import (
     CaseRecord,
@@ -45,114 +47,9 @@ from database.records import (
     save_record,
 )
 
-PATH_STEPS = (4, 16)  # a failed case is retried along this many steps of p
-MOST_MODELS = 16  # as many as a process keeps traced (scp.family_condensing)
-TIME_LIMIT = 60.0  # s for one solve: some 300 times what a hard one takes
-
 
 class JobError(RuntimeError):
     """A job that could not keep a result: the build cannot go on."""
-
-
-class Solver(Protocol):
-    """An optimiser: a mission and a neighbour's trajectory in, a trajectory out."""
-
-    __module__: str
-    __qualname__: str
-
-    def __call__(self, mission: Mission, *, guess: Trajectory | None = None) -> Trajectory:
-        """Solve."""
-
-
-def solver_name(solver: Solver) -> str:
-    """Where to find an optimiser, for the records and for the file."""
-    return f"{solver.__module__}.{solver.__qualname__}"
-
-
-@dataclass(frozen=True)
-class Campaign:
-    """What all jobs of a build share; it travels to the workers."""
-
-    toml: str
-    folder: Path
-    solver: Solver = solve
-    time_limit: float = TIME_LIMIT  # s, of one solve
-    gains: GainSettings = field(default_factory=GainSettings)
-
-    @property
-    def together(self) -> bool:
-        """Whether cases are solved together: `solve_family` finds what `solve` finds, and faster."""
-        return self.solver is solve and _flight_models(self.toml) <= MOST_MODELS
-
-    @property
-    def mission(self) -> Mission:
-        """The mission, parsed once per process."""
-        return _mission_and_grid(self.toml)[0]
-
-    @property
-    def grid(self) -> Grid:
-        """Its grid."""
-        return _mission_and_grid(self.toml)[1]
-
-    def solved(self, case: int) -> Trajectory | None:
-        """The solution of a case that is kept; None if there is none."""
-        return _solved_record(self.folder, case, self)
-
-
-@lru_cache(maxsize=4)
-def _mission_and_grid(toml: str) -> tuple[Mission, Grid]:
-    mission = parse_mission(toml)
-    return mission, Grid.from_mission(mission)
-
-
-@lru_cache(maxsize=4)
-def _flight_models(toml: str) -> int:
-    """How many flight models the grid holds: those of one model are solved together."""
-    mission, grid = _mission_and_grid(toml)
-    count = 1
-    for i, axis in enumerate(grid.axes):
-        p = mission.nominal_parameters.copy()
-        p[i] = axis[0] if axis[0] != p[i] else axis[-1]
-        if mission.with_parameters(p).flight_model != mission.flight_model:
-            count *= len(axis)
-    return count
-
-
-@dataclass(frozen=True)
-class Attempt:
-    """One way to a case: predicted, from a solved neighbour in `steps` steps of p, or from nothing."""
-
-    neighbour: int | None
-    steps: int = 1
-    predicted: bool = False  # from the multilinear continuation of several neighbours
-
-    def __str__(self) -> str:
-        if self.predicted:
-            return "from the continuation of its neighbours"
-        if self.neighbour is None:
-            return "from a constant bank angle"
-        return f"from case {self.neighbour} in {self.steps} step(s)"
-
-
-def attempts(neighbours: Sequence[int], *, predicted: bool) -> list[Attempt]:
-    """All attempts at a case with these solved neighbours, in order; `predicted` if it can be."""
-    first = [Attempt(None, predicted=True)] if predicted else []
-    from_neighbours = [Attempt(n, steps) for steps in (1, *PATH_STEPS) for n in neighbours]
-    return [*first, *from_neighbours, Attempt(None)]
-
-
-def first_start(
-    grid: Grid, planned: PlannedCase, solved: Callable[[int], Trajectory | None]
-) -> tuple[Attempt, Trajectory] | None:
-    """The first of `attempts` and where it starts, from solved cases; None if that is from nothing."""
-    continued = predicted(grid, planned.case, solved)
-    if continued is not None:
-        return Attempt(None, predicted=True), continued
-    for neighbour in planned.neighbours:
-        start = solved(neighbour)
-        if start is not None:
-            return Attempt(neighbour), start
-    return None
 
 
 class Job(Protocol):
@@ -302,22 +199,6 @@ class SolveCase:
         return {n: trajectory for n, trajectory in found.items() if trajectory is not None}
 
 
-@lru_cache(maxsize=4096)  # a record never changes once it is kept; 10 kB each
-def _kept_trajectory(path: Path, stamp: int, campaign: Campaign, case: int) -> Trajectory | None:
-    record = load_record(campaign.folder, case, campaign.mission)
-    return None if record is None or not record.trajectory.status.ok else record.trajectory
-
-
-def _solved_record(folder: Path, case: int, campaign: Campaign) -> Trajectory | None:
-    """The solution of a case that is kept, read once per process; None if there is none."""
-    path = record_path(folder, case)
-    try:
-        stamp = path.stat().st_mtime_ns
-    except OSError:
-        return None
-    return _kept_trajectory(path, stamp, campaign, case)
-
-
 @dataclass(frozen=True)
 class AssembleBlock:
     """Gains and re-integration of a block whose cases are all kept."""
@@ -358,58 +239,3 @@ class AssembleBlock:
     def give_up(self, reason: str) -> None:
         """A block is part of the file: there is no build without it."""
         raise JobError(f"block {self.block.number}: {reason}")
-
-
-def path_to(mission: Mission, grid: Grid, case: int, attempt: Attempt) -> list[Mission]:
-    """The missions to solve on the way of an attempt, that of the case last."""
-    goal = grid.point(case)
-    origin = goal if attempt.neighbour is None else grid.point(attempt.neighbour)
-    return [
-        mission.with_parameters(origin + (goal - origin) * (k / attempt.steps))
-        for k in range(1, attempt.steps + 1)
-    ]
-
-
-def follow(
-    campaign: Campaign, path: list[Mission], start: Trajectory | None
-) -> tuple[Trajectory, int]:
-    """Solve along a path, each mission from the one before: the last trajectory, the solves."""
-    solves, flown = 0, start
-    for mission in path:
-        with stopped_after(campaign.time_limit):
-            flown = solve_one(campaign, mission, flown)
-        solves += 1
-        if not flown.status.ok:
-            break
-    if flown is None:
-        raise ValueError("path: expected at least one mission, got none")
-    return flown, solves
-
-
-def solve_one(campaign: Campaign, mission: Mission, start: Trajectory | None) -> Trajectory:
-    """By Newton's iteration where that is enough, else by the campaign's optimiser."""
-    if campaign.together and start is not None:
-        found = solve_family([mission], [start])[0]
-        if found is not None and found.status.ok:
-            return found
-    return campaign.solver(mission, guess=start)
-
-
-@contextmanager
-def stopped_after(seconds: float) -> Iterator[None]:
-    """End this process if the block takes longer.
-
-    The kernel does it, by a signal that nothing handles: code that is stuck in a library never comes
-    back to the interpreter, where an exception could be raised.
-    """
-    signal.setitimer(signal.ITIMER_REAL, seconds)
-    try:
-        yield
-    finally:
-        signal.setitimer(signal.ITIMER_REAL, 0.0)
-
-
-def no_trajectory(mesh: Mesh) -> Trajectory:
-    """What stands for a case that raised, hung or killed its process."""
-    nan = np.full((7, mesh.n_nodes), np.nan)
-    return Trajectory(mesh, nan, nan[0], np.nan, np.nan, Status.ERROR)

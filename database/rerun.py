@@ -14,9 +14,10 @@ from typing import Any
 from ampi.dataset import DatasetError, partial_folder, read_dataset
 from ampi.missions.mission import Mission, parse_mission
 from ampi.trajectory import Trajectory
+from database.attempts import attempts, follow, no_trajectory, path_to
+from database.campaign import Campaign
 from database.continuation import layers
 from database.grid import Grid
-from database.jobs import Campaign, attempts, follow, no_trajectory, path_to
 from database.prediction import predicted
 from database.records import load_record
 

@@ -22,9 +22,9 @@ from ampi.pseudospectral.mesh import Mesh
 from ampi.scp.exact_hessian import SolverSettings
 from ampi.scp.problem import OptimalControlProblem
 from database.blocks import Block, block_shape
+from database.campaign import Campaign, solver_name
 from database.gains import GainSettings
 from database.grid import Grid
-from database.jobs import Campaign, solver_name
 
 Array = NDArray[np.float64]
 

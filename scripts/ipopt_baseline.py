@@ -29,11 +29,12 @@ from ampi.physics.equations_of_motion import equations_of_motion
 from ampi.physics.path_constraints import path_constraints
 from ampi.pseudospectral.lagrange import barycentric_weights, interpolation_matrix
 from ampi.trajectory import Trajectory
-from database.build import planned_jobs
+from database.campaign import Campaign
 from database.continuation import layers
 from database.engines import LocalEngine
 from database.grid import Grid
-from database.jobs import AssembleBlock, Campaign, SolveTogether
+from database.jobs import AssembleBlock, SolveTogether
+from database.plan import planned_jobs
 from database.records import load_record
 from database.schedule import run_jobs
 

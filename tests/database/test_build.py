@@ -14,9 +14,10 @@ from ampi.loading import load_guidance
 from ampi.missions.mission import Mission, parse_mission
 from ampi.trajectory import Status, Trajectory
 from database.build import BuildError
+from database.campaign import Campaign
 from database.continuation import layers
 from database.grid import Grid
-from database.jobs import Campaign, SolveCase
+from database.jobs import SolveCase
 from database.records import load_record
 
 

@@ -17,10 +17,11 @@ from ampi.dataset import partial_folder
 from ampi.missions.mission import Mission
 from ampi.trajectory import Status
 from database.build import BuildError
+from database.campaign import Campaign
 from database.continuation import layers
 from database.engines import ClusterEngine
 from database.grid import Grid
-from database.jobs import Campaign, SolveCase
+from database.jobs import SolveCase
 from database.records import load_record
 
 distributed = pytest.importorskip("distributed")

@@ -23,9 +23,10 @@ from ampi.dataset import TrajectoryDataset, partial_folder, read_dataset
 from ampi.missions.mission import Mission, parse_mission
 from ampi.trajectory import Status
 from database.build import BuildError
+from database.campaign import Campaign
 from database.continuation import layers
 from database.grid import Grid
-from database.jobs import Campaign, SolveCase
+from database.jobs import SolveCase
 from database.records import load_record
 from database.stand_in import neighbour_moved
 from database.supervisor import Supervisor

@@ -12,9 +12,10 @@ import database
 from ampi.missions.mission import Mission, parse_mission
 from ampi.scp.solve import solve
 from ampi.trajectory import Trajectory
-from database.build import planned_jobs
+from database.campaign import Campaign
 from database.continuation import PlannedCase, layers
-from database.jobs import AssembleBlock, Campaign, SolveCase, SolveTogether
+from database.jobs import AssembleBlock, SolveCase, SolveTogether
+from database.plan import planned_jobs
 from database.records import load_record
 from database.supervisor import Supervisor
 

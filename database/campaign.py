@@ -1,0 +1,98 @@
+"""What all jobs of a build share: mission, grid, optimiser, and the records already kept."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import lru_cache
+from pathlib import Path
+from typing import Protocol
+
+from ampi.missions.mission import Mission, parse_mission
+from ampi.scp.solve import solve
+from ampi.trajectory import Trajectory
+from database.gains import GainSettings
+from database.grid import Grid
+from database.records import load_record, record_path
+
+MOST_MODELS = 16  # as many as a process keeps traced (scp.family_condensing)
+TIME_LIMIT = 60.0  # s for one solve: some 300 times what a hard one takes
+
+
+class Solver(Protocol):
+    """An optimiser: a mission and a neighbour's trajectory in, a trajectory out."""
+
+    __module__: str
+    __qualname__: str
+
+    def __call__(self, mission: Mission, *, guess: Trajectory | None = None) -> Trajectory:
+        """Solve."""
+
+
+def solver_name(solver: Solver) -> str:
+    """Where to find an optimiser, for the records and for the file."""
+    return f"{solver.__module__}.{solver.__qualname__}"
+
+
+@dataclass(frozen=True)
+class Campaign:
+    """What all jobs of a build share; it travels to the workers."""
+
+    toml: str
+    folder: Path
+    solver: Solver = solve
+    time_limit: float = TIME_LIMIT  # s, of one solve
+    gains: GainSettings = field(default_factory=GainSettings)
+
+    @property
+    def together(self) -> bool:
+        """Whether cases are solved together: `solve_family` finds what `solve` finds, and faster."""
+        return self.solver is solve and _flight_models(self.toml) <= MOST_MODELS
+
+    @property
+    def mission(self) -> Mission:
+        """The mission, parsed once per process."""
+        return _mission_and_grid(self.toml)[0]
+
+    @property
+    def grid(self) -> Grid:
+        """Its grid."""
+        return _mission_and_grid(self.toml)[1]
+
+    def solved(self, case: int) -> Trajectory | None:
+        """The solution of a case that is kept; None if there is none."""
+        return _solved_record(self.folder, case, self)
+
+
+@lru_cache(maxsize=4)
+def _mission_and_grid(toml: str) -> tuple[Mission, Grid]:
+    mission = parse_mission(toml)
+    return mission, Grid.from_mission(mission)
+
+
+@lru_cache(maxsize=4)
+def _flight_models(toml: str) -> int:
+    """How many flight models the grid holds: those of one model are solved together."""
+    mission, grid = _mission_and_grid(toml)
+    count = 1
+    for i, axis in enumerate(grid.axes):
+        p = mission.nominal_parameters.copy()
+        p[i] = axis[0] if axis[0] != p[i] else axis[-1]
+        if mission.with_parameters(p).flight_model != mission.flight_model:
+            count *= len(axis)
+    return count
+
+
+@lru_cache(maxsize=4096)  # a record never changes once it is kept; 10 kB each
+def _kept_trajectory(path: Path, stamp: int, campaign: Campaign, case: int) -> Trajectory | None:
+    record = load_record(campaign.folder, case, campaign.mission)
+    return None if record is None or not record.trajectory.status.ok else record.trajectory
+
+
+def _solved_record(folder: Path, case: int, campaign: Campaign) -> Trajectory | None:
+    """The solution of a case that is kept, read once per process; None if there is none."""
+    path = record_path(folder, case)
+    try:
+        stamp = path.stat().st_mtime_ns
+    except OSError:
+        return None
+    return _kept_trajectory(path, stamp, campaign, case)
