@@ -4,14 +4,19 @@ Linearising R_s = 0 (transcription, Eq. (1)) at the iterate, with A = ∂f/∂x 
 
     (D⊗I − h A) δx = −(D₀⊗I) δx_start + h B δu + (β f + h b f_t) δt_f − R      (1)
 
-one dense LU per segment gives the affine map δx = Z z + c of the free variables
+Two of the seven states are quadratures: no state enters σ̇ = u, and the longitude enters no rate. Both
+are running integrals (`RadauTranscription.integration`), σ before and θ after the core of five,
 
-    z = (δu at the collocation points, δt_f, δσ₀).                               (2)
+    (D⊗I − h A_cc) δx_c = −(D₀⊗I) δx_c,start + h A_cσ δσ + (β f_c + h b f_c,t) δt_f − R_c   (2)
+
+one dense LU of which per segment gives the affine map δx = Z z + c of the free variables
+
+    z = (δu at the collocation points, δt_f, δσ₀).                               (3)
 
 The same factors, transposed and swept backwards, give the multipliers μ of R = 0. With them the
 Hessian of the Lagrangian  L = J + Σ μᵀR + Σ νᵀg  is reduced to z:
 
-    H = Zᵀ ∇²L Z = Σ_i J_iᵀ W_i J_i + r eᵀ + e rᵀ + terms in û,                  (3)
+    H = Zᵀ ∇²L Z = Σ_i J_iᵀ W_i J_i + r eᵀ + e rᵀ + terms in û,                  (4)
 
 J_i = [Z_i; b_i eᵀ] the map of z to (x, t) at node i, e the unit vector of δt_f, W_i the Hessian of
 −h μᵀf + νᵀg + ωᵀL over (x, t), L the integrands of the cost with multipliers ω, and r the coupling of
@@ -65,7 +70,7 @@ class CondensedDynamics:
 
     @property
     def n_variables(self) -> int:
-        """Length of z, Eq. (2)."""
+        """Length of z, Eq. (3)."""
         return int(self.state_map.shape[2])
 
     def correction(self, residual: Array, entry_error: Array) -> Array:
@@ -109,7 +114,7 @@ class CondensedDynamics:
         return mu
 
     def reduced_hessian(self, curvature: Array, mu: Array, omega: Array, half: Array) -> Array:
-        """Eq. (3); `curvature` is W (n, 8, 8), `omega` (n, k), `half` h (n − 1,)."""
+        """Eq. (4); `curvature` is W (n, 8, 8), `omega` (n, k), `half` h (n − 1,)."""
         t, d = self.transcription, self.derivatives
         n, _, n_z = self.state_map.shape
         time_column = n_z - 2

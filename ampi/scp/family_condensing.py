@@ -136,7 +136,7 @@ class CondensedFamily:
             for case, (lu, pivots) in enumerate(factors):
                 solution = dgetrs(lu, pivots, core[case, s.collocation].ravel(), trans=1)[0]
                 core[case, s.collocation] = solution.reshape(-1, N_CORE)
-            carried = (s.rule.derivative[:, 0] @ core[:, s.collocation])[:, :]
+            carried = s.rule.derivative[:, 0] @ core[:, s.collocation]
         mu[list(CORE)] = core.transpose(2, 0, 1)
         on_bank = right[:, :, N_CORE]
         for i, state in enumerate(CORE):

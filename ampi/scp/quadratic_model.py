@@ -167,7 +167,7 @@ def _path_rows(
 def _lagrangian_hessian(
     flight: Flight, point: Point, linearised: Linearised, multipliers: Multipliers
 ) -> Array:
-    """Condensing, Eq. (3), with the cost's own terms."""
+    """Condensing, Eq. (4), with the cost's own terms."""
     t, derivatives = flight.transcription, linearised.derivatives
     x, u, final_time = point.iterate.states, point.iterate.bank_rate, point.iterate.final_time
     objective, condensed = flight.problem.objective, linearised.condensed
