@@ -23,6 +23,7 @@ import numpy as np
 
 from ampi.missions.mission import Mission, parse_mission
 from ampi.pseudospectral.mesh import Mesh
+from ampi.scp.shortfall import verdict
 from ampi.scp.solve import solve
 from ampi.trajectory import Status, Trajectory
 from database.blocks import Block, assemble
@@ -165,7 +166,7 @@ class SolveCase:
                 log.append(f"{attempt}: {type(error).__name__}: {error}")
                 continue
             solves += count
-            log.append(f"{attempt}: {flown.status.sentence}")
+            log.append(f"{attempt}: {verdict(path[count - 1], flown)}")
             if flown.status.ok:
                 best, log = flown, log[-1:]
                 break
