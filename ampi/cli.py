@@ -79,6 +79,7 @@ def solve(
     """Solve a mission's optimal control problem once."""
     from ampi.scp.guess import ConstantBank
     from ampi.scp.refinement import RefinementSettings
+    from ampi.scp.shortfall import verdict
     from ampi.scp.solve import solve as solve_mission
     from ampi.simulation.reintegration import reintegrate
 
@@ -88,24 +89,25 @@ def solve(
         refinement = RefinementSettings() if refined else None
         optimum = solve_mission(loaded, method=method, guess=guess, refinement=refinement)
         summary = optimum.summary()
-        if np.isfinite(optimum.final_time):
+        if optimum.status.converged:
             check = reintegrate(loaded, optimum)
             summary["reintegrated_position_error_m"] = float(check.position_error[0])
             summary["reintegrated_altitude_error_m"] = float(check.altitude_error[0])
             summary["reintegrated_speed_error_m_per_s"] = float(check.speed_error[0])
+        if np.isfinite(optimum.final_time):
             _write_trajectory(loaded, optimum, table, plot)
     if as_json:
-        _print_json(summary)
+        _print_json({**summary, "verdict": verdict(loaded, optimum)})
     else:
         out.print(_convergence_table(optimum))
-        out.print(optimum.status.sentence)
+        out.print(verdict(loaded, optimum))
         for key, value in summary.items():
             out.print(
                 f"  {key:34} {value:.8g}" if not isinstance(value, str) else f"  {key:34} {value}"
             )
     if not optimum.status.ok:
         error_out.print(
-            f"error: {loaded.name}: {_escaped(optimum.status.sentence)} "
+            f"error: {loaded.name}: {_escaped(verdict(loaded, optimum))} "
             "Move the target, widen the limits, or try another --bank-angle"
         )
         raise typer.Exit(2)

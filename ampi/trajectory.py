@@ -37,6 +37,16 @@ class Status(IntEnum):
         """Whether the trajectory may enter a guidance table."""
         return self is Status.SOLVED
 
+    @property
+    def converged(self) -> bool:
+        """Whether the last iterate is a flight, and worth flying again; others need not be."""
+        return self in (
+            Status.SOLVED,
+            Status.TARGET_MISSED,
+            Status.LIMITS_EXCEEDED,
+            Status.REFINEMENT_LIMIT,
+        )
+
 
 _SENTENCES = {
     Status.SOLVED: "Converged: optimal, the target met within its tolerances, every limit kept.",

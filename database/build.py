@@ -27,6 +27,7 @@ import numpy as np
 
 from ampi.dataset import TrajectoryDataset, partial_folder, stored_mission
 from ampi.missions.mission import Mission
+from ampi.scp.capabilities import check
 from ampi.scp.exact_hessian import SolverSettings
 from ampi.scp.solve import solve
 from ampi.trajectory import Status, Trajectory
@@ -142,6 +143,8 @@ def build(
     path = Path(path)
     if not path.parent.is_dir():
         raise BuildError(f"path: the folder {path.parent} does not exist")
+    if solver is solve:
+        check(mission, "exact_hessian")
     _refuse_other_database(path, mission)
     folder = partial_folder(path.absolute())  # workers may stand elsewhere
     campaign = Campaign(mission.toml, folder, solver, time_limit, gains or GainSettings())

@@ -23,6 +23,7 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Protocol
 
+from ampi.scp.shortfall import verdict
 from ampi.scp.solve import solve_family
 from ampi.trajectory import Trajectory
 from database.attempts import (
@@ -173,7 +174,7 @@ class SolveCase:
                 log.append(f"{attempt}: {type(error).__name__}: {error}")
                 continue
             solves += count
-            log.append(f"{attempt}: {flown.status.sentence}")
+            log.append(f"{attempt}: {verdict(path[count - 1], flown)}")
             if flown.status.ok:
                 best, log = flown, log[-1:]
                 break

@@ -13,6 +13,7 @@ from typing import Any
 
 from ampi.dataset import DatasetError, partial_folder, read_dataset
 from ampi.missions.mission import Mission, parse_mission
+from ampi.scp.shortfall import verdict
 from ampi.trajectory import Trajectory
 from database.attempts import attempts, follow, no_trajectory, path_to
 from database.campaign import Campaign
@@ -93,8 +94,10 @@ def rerun(
         if attempt.neighbour is not None:
             start = starts[attempt.neighbour]
         try:
-            flown, solves = follow(campaign, path_to(mission, grid, case, attempt), start)
-            result = AttemptResult(str(attempt), flown.status.sentence, solves, flown)
+            path_there = path_to(mission, grid, case, attempt)
+            flown, solves = follow(campaign, path_there, start)
+            said = verdict(path_there[solves - 1], flown)
+            result = AttemptResult(str(attempt), said, solves, flown)
         except Exception as error:  # as in the build: an attempt that raises is one that failed
             result = AttemptResult(str(attempt), f"{type(error).__name__}: {error}", 0, None)
         results.append(result)

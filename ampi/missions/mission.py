@@ -36,7 +36,7 @@ from ampi.physics.atmosphere import Atmosphere, ExponentialAtmosphere, StandardA
 from ampi.physics.equations_of_motion import FlightModel
 from ampi.physics.path_constraints import PATH_CONSTRAINTS, path_constraints
 from ampi.physics.planet import WGS84, Planet
-from ampi.physics.vehicle import AngleOfAttackSchedule, Vehicle
+from ampi.physics.vehicle import AngleOfAttackSchedule, Vehicle, air_loads
 from ampi.pseudospectral.mesh import Mesh, Phase
 
 LATE = 1e4  # s: after any angle-of-attack manoeuvre
@@ -407,17 +407,37 @@ class Mission(Section):
         self._limits_hold_at("entry", [*self.entry_state, 0.0], 0.0)
         at_target = [self.target.altitude, 0.0, 0.0, self.target.speed, 0.0, 0.0, 0.0]
         self._limits_hold_at("target", at_target, LATE)
+        self._drag_floor_holds_at_the_target()
         self._zones_are_clear()
+        if self.guess is not None and abs(self.guess.bank_angle) > self.limits.bank_angle:
+            raise ValueError(
+                f"guess.bank_angle: expected at most limits.bank_angle "
+                f"({self.limits.bank_angle / u.DEGREE:.4g}°) in size, "
+                f"got {self.guess.bank_angle / u.DEGREE:.4g}°"
+            )
 
     def _limits_hold_at(self, place: str, state: list[float], time: float) -> None:
         values = path_constraints(self.flight_model, state, time)
-        for name, value in zip(PATH_CONSTRAINTS, values, strict=True):
+        for name, unit, value in zip(PATH_CONSTRAINTS, ("Pa", "W/m²", "g"), values, strict=True):
             if value > getattr(self.limits, name):
                 raise ValueError(
-                    f"limits.{name}: expected at least {float(value):.4g} (SI), its value at the "
-                    f"{place}; got {getattr(self.limits, name):.4g}; raise the limit or change "
-                    f"the {place}"
+                    f"limits.{name}: expected at least {float(value):.4g} {unit}, its value at the "
+                    f"{place}; got {getattr(self.limits, name):.4g} {unit}; raise the limit or "
+                    f"change the {place}"
                 )
+
+    def _drag_floor_holds_at_the_target(self) -> None:
+        floor, below = self.limits.drag_floor, self.limits.drag_floor_speed
+        if floor is None or below is None or self.target.speed > below:
+            return
+        model, target = self.flight_model, self.target
+        air = air_loads(model.vehicle, model.atmosphere, target.altitude, target.speed, LATE)
+        drag = float(air.drag) / model.planet.load_factor_gravity
+        if drag < floor:
+            raise ValueError(
+                f"limits.drag_floor: expected at most {drag:.4g} g, the drag at the target; got "
+                f"{floor:.4g} g; lower the floor or change the target"
+            )
 
     def _zones_are_clear(self) -> None:
         radius = self.flight_model.planet.equatorial_radius

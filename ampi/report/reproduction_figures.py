@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 from ampi.missions.mission import Mission, load_mission
 from ampi.physics.path_constraints import PATH_CONSTRAINTS
 from ampi.report.look import INK, LIMIT_COLOUR, house_style, new_figure
-from ampi.report.reproduction import Reproduction, liu2015_case
+from ampi.report.reproduction import liu2015_case
+from ampi.report.reproduction_table import Reproduction
 from ampi.simulation.reintegration import reintegrate
 from ampi.trajectory import Trajectory
 

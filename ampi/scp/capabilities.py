@@ -7,7 +7,9 @@ is computed, and names the methods that would do.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+
+import numpy as np
 
 from ampi.missions.mission import TARGET_WEIGHTS, Mission
 
@@ -31,6 +33,7 @@ class Capabilities:
 
     constraints: frozenset[str]
     terms: frozenset[str]
+    constant_bank: bool = True  # whether it may start from a constant bank angle
 
 
 def asked_for(mission: Mission) -> tuple[list[str], list[str]]:
@@ -76,11 +79,13 @@ OVER_ENERGY = Capabilities(
     terms=frozenset({"flight_time", "heat_load", "ground_range", "bank_rate_effort"}),
 )
 
+STRAIGHT_LINES = replace(OVER_TIME, constant_bank=False)
+
 METHODS: Mapping[str, Capabilities] = {
     "exact_hessian": CONDENSED,
-    "zhou2021": OVER_TIME,
-    "zhou2021_fixed": OVER_TIME,
-    "liu2015": OVER_ENERGY,
+    "zhou2021": STRAIGHT_LINES,
+    "zhou2021_fixed": STRAIGHT_LINES,
+    "liu2015": replace(OVER_ENERGY, constant_bank=False),
     "wang2020_scp": OVER_TIME,
     "wang2020_pscp": OVER_TIME,
     "wang2020": OVER_TIME,
@@ -111,3 +116,25 @@ def check(mission: Mission, method: str, methods: Mapping[str, Capabilities] = M
                 f"{name}: asked for by mission {mission.name}, not known to method {method!r} "
                 f"({whose}); choose another method or remove it from the mission"
             )
+
+
+def check_bank_angle(mission: Mission, method: str, bank_angle: float) -> None:
+    """Refuse a first guess of constant `bank_angle` (rad) that a method or the mission has no use for.
+
+    Raises
+    ------
+    MethodError
+        If the method starts from straight lines, or the mission's vehicle may not bank so far.
+    """
+    if not METHODS[method].constant_bank:
+        able = ", ".join(name for name, known in METHODS.items() if known.constant_bank)
+        raise MethodError(
+            f"guess: method {method!r} starts from straight lines to the target, not from a constant "
+            f"bank angle; leave it out or choose one of {able}"
+        )
+    limit = mission.limits.bank_angle
+    if not abs(bank_angle) <= limit:  # nan too
+        raise MethodError(
+            f"guess: expected a bank angle between ±{np.degrees(limit):.4g}°, the limit of mission "
+            f"{mission.name}; got {np.degrees(bank_angle):.4g}°"
+        )

@@ -5,7 +5,7 @@
 | zhou2021        | time        | trapezoid, adaptive    | relaxed (η)  | global-error convergence      |
 | zhou2021_fixed  | time        | trapezoid, 400 points  | relaxed (η)  | global-error convergence      |
 | liu2015         | energy      | trapezoid, 201 points  | fixed        | cone relaxation               |
-| wang2020_scp    | time        | trapezoid, 201 points  | fixed        |                               |
+| wang2020_scp    | time        | trapezoid, 201 points  | fixed        | variable penalty (ours)       |
 | wang2020_pscp   | time        | Radau, 1 × 200         | fixed        |                               |
 | wang2020        | time        | Radau, 10 × 20         | fixed        |                               |
 | liu2024_hp      | time        | Radau, hp              | fixed        | variable penalty              |
@@ -182,11 +182,11 @@ def _trajectory(
     flight = form.trajectory(at.mesh, at.states, at.controls, at.final)
     lin = form.linearise(at.mesh, at.states, at.controls, at.final)
     excess = dict(zip(form.limit_names, np.maximum(lin.limits.max(axis=0) - 1.0, 0.0), strict=True))
-    cost = linearised.cost(successive.transcribe(at.mesh), at) / linearised.cost_scale
+    cost = linearised.cost(successive.transcribe(at.mesh), at)
     records = tuple(
         IterationRecord(
             iteration=k,
-            cost=row.cost / linearised.cost_scale,
+            cost=_mission_cost(linearised, row.cost, row.final),
             merit=np.nan,
             step=float(np.max(np.array(row.change)[1:3])),
             final_time=row.final,
@@ -205,8 +205,17 @@ def _trajectory(
         limit_excess=(three[0], three[1], three[2]),
         log=records,
     )
-    status = _status(mission, refined.status, flight, max(excess.values()))
-    return replace(flight, cost=cost, status=status, statistics=statistics)
+    return replace(
+        flight,
+        cost=_mission_cost(linearised, cost, at.final),
+        status=_status(mission, refined.status, flight, max(excess.values())),
+        statistics=statistics,
+    )
+
+
+def _mission_cost(linearised: Linearised, cost: float, final: float) -> float:
+    """In the mission's units: a cost over ∫ dτ is a mean over the flight, the mission's is not."""
+    return cost * (final if linearised.frozen_time else 1.0) / linearised.cost_scale
 
 
 def _status(mission: Mission, ended: str, flight: Trajectory, excess: float) -> Status:
@@ -409,6 +418,8 @@ METHODS: dict[str, Method] = {
         source="Wang et al. 2020, SCP",
         start=flown(line_mesh(np.linspace(0.0, 1.0, 201))),
         transcribe=trapezoid,
+        # ours: without it the iteration jumps for ever between two flights whose costs differ by 2e-5
+        penalty=VariableQuadraticPenalty(),
     ),
     "wang2020_pscp": replace(WANG, source="Wang et al. 2020, PSCP", start=flown(uniform(1, 200))),
     "wang2020": WANG,

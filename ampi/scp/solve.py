@@ -9,7 +9,7 @@ import numpy as np
 from threadpoolctl import ThreadpoolController
 
 from ampi.missions.mission import GuessSection, Mission
-from ampi.scp.capabilities import MethodError, check
+from ampi.scp.capabilities import MethodError, check, check_bank_angle
 from ampi.scp.exact_hessian import ExactHessianIteration, SolverSettings
 from ampi.scp.family import kind, newton
 from ampi.scp.guess import ConstantBank, default_guess, from_trajectory, nodal_guess
@@ -59,9 +59,12 @@ def solve(
     Raises
     ------
     MethodError
-        If the method does not know a constraint, a term of the mission's objective or an argument.
+        If the method does not know a constraint, a term of the mission's objective or an argument,
+        or the guess banks beyond the limit.
     """
     check(mission, method)
+    if isinstance(guess, ConstantBank):
+        check_bank_angle(mission, method, guess.bank_angle)
     if method != "exact_hessian":
         if isinstance(guess, Trajectory) or settings is not None or refinement is not None:
             raise MethodError(

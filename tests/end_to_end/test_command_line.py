@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import shutil
 import signal
 import subprocess
@@ -33,6 +34,11 @@ def run(*arguments: str | Path, cwd: Path, code: int = 0) -> subprocess.Complete
     assert done.returncode == code, done.stdout + done.stderr
     assert "Traceback" not in done.stderr
     return done
+
+
+def unwrapped(text: str) -> str:
+    """Without the line breaks of a narrow terminal."""
+    return " ".join(text.split())
 
 
 @pytest.fixture(scope="module")
@@ -140,9 +146,47 @@ def test_a_target_out_of_reach_is_a_status(tmp_path: Path) -> None:
     (tmp_path / "far.toml").write_text(text)
     told = run("solve", "far.toml", cwd=tmp_path, code=2).stderr
     assert told.startswith("error: shefex3: Converged, but the target is out of reach")
+    assert re.search(r"Open: the flight ends [\d,]+ km from the target", unwrapped(told))
     refused = run("build", "far.toml", "far.h5", cwd=tmp_path, code=2).stderr
     assert "the nominal problem has no solution" in refused
+    assert "km from the target" in unwrapped(refused)
     assert [f.name for f in tmp_path.iterdir()] == ["far.toml"]
+
+
+def test_a_limit_that_cannot_be_kept_is_named(tmp_path: Path) -> None:
+    limit = "heat_flux_MW_per_m2 = 6.5"
+    text = load_mission("shefex3").toml
+    (tmp_path / "cold.toml").write_text(text.replace(limit, "heat_flux_MW_per_m2 = 3.0"))
+    told = run("solve", "cold.toml", cwd=tmp_path, code=2).stderr
+    assert re.search(r"Open: heat_flux is 5\d\.?\d* % above its limit", unwrapped(told))
+
+
+@pytest.mark.parametrize(
+    ("method", "mission", "longitudes"),
+    [
+        ("zhou2021", "cavh_zhou2021", ("longitude_deg = 140.0", "longitude_deg = 220.0")),
+        ("wang2020_scp", "cavh_wang2020", ("longitude_deg = 90.0", "longitude_deg = 150.0")),
+        ("liu2024", "rlv_liu2024", ("longitude_deg = 12.0", "longitude_deg = 70.0")),
+    ],
+)
+def test_a_method_of_the_literature_says_what_is_open(
+    tmp_path: Path, method: str, mission: str, longitudes: tuple[str, str]
+) -> None:
+    text = load_mission(mission).toml
+    assert text.count(longitudes[0]) == 1
+    (tmp_path / "far.toml").write_text(text.replace(*longitudes))
+    began = time.monotonic()
+    told = run("solve", "far.toml", "--method", method, cwd=tmp_path, code=2).stderr
+    assert re.search(r"Open: .*(from the target|above its limit|too (high|low))", unwrapped(told))
+    assert time.monotonic() - began < 60.0
+
+
+def test_a_build_refuses_what_its_method_does_not_know(tmp_path: Path) -> None:
+    text = load_mission("x33_liu2015").toml + "\n[grid]\nspeed_m_per_s = [-10.0, 0.0, 10.0]\n"
+    (tmp_path / "x33.toml").write_text(text)
+    told = run("build", "x33.toml", "x33.h5", cwd=tmp_path, code=2).stderr
+    assert told.startswith("error: bank_angle_minimum: asked for by mission x33_liu2015")
+    assert [f.name for f in tmp_path.iterdir()] == ["x33.toml"]
 
 
 def test_a_database_of_another_mission_is_never_overwritten(folder: Path, tmp_path: Path) -> None:

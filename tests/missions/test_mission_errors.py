@@ -33,7 +33,40 @@ def altered(*changes: tuple[str, str]) -> str:
     return text
 
 
+ZONE = """[[no_fly_zone]]
+longitude_deg = {longitude}
+latitude_deg = {latitude}
+radius_km = 100.0
+"""
+
+
 FAULTS = {
+    "a limit that the target alone exceeds": (
+        ("dynamic_pressure_kPa = 100.0", "dynamic_pressure_kPa = 9.0"),
+        "limits.dynamic_pressure: expected at least 9",
+    ),
+    "a guess that banks too far": (
+        ("bank_angle_deg = 30.0", "bank_angle_deg = 70.0"),
+        "guess.bank_angle: expected at most limits.bank_angle (60°) in size, got 70°",
+    ),
+    "a drag floor above the drag at the target": (
+        (
+            "load_factor_g = 10.0",
+            "load_factor_g = 10.0\ndrag_floor_g = 9.0\ndrag_floor_speed_m_per_s = 1000.0",
+        ),
+        "limits.drag_floor: expected at most 0.392 g, the drag at the target; got 9 g; lower the floor "
+        "or change the target",
+    ),
+    "a zone over the target": (
+        ("[grid] # [S]", ZONE.format(longitude=-45.0, latitude=66.0) + "[grid] # [S]"),
+        "no_fly_zone 1: expected the target outside the zone, got it 95 km from the centre of a "
+        "zone of 100 km; move the zone or the target",
+    ),
+    "a zone over the entry": (
+        ("[grid] # [S]", ZONE.format(longitude=-11.0, latitude=72.0) + "[grid] # [S]"),
+        "no_fly_zone 1: expected the entry outside the zone, got it 68 km from the centre of a "
+        "zone of 100 km; move the zone or the entry",
+    ),
     "a missing unit": (
         ("mass_kg = 500.0", "mass = 500.0"),
         "vehicle: mass: expected a mass with its unit in the key (mass_kg), got mass = 500.0",

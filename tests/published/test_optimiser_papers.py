@@ -6,8 +6,9 @@ import json
 
 import pytest
 
-from ampi.report.reproduction import PAPERS, Reproduction
+from ampi.report.reproduction import PAPERS
 from ampi.report.reproduction_figures import FIGURES
+from ampi.report.reproduction_table import Reproduction
 
 OPEN = {  # what is not reached; README and the tables say so
     "liu2015": {

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 
 from ampi.missions import Mission, load_mission
 from ampi.missions.mission import shipped_missions
 from ampi.scp.capabilities import CONDENSED, METHODS, Capabilities, MethodError, asked_for, check
+from ampi.scp.guess import ConstantBank
 from ampi.scp.solve import solve
 
 OTHERS = {
@@ -60,3 +62,21 @@ def test_an_unknown_method_is_named(mission: Mission) -> None:
         MethodError, match=r"method: expected one of exact_hessian, .*, got 'simplex'"
     ):
         solve(mission, method="simplex")
+
+
+@pytest.mark.parametrize("method", ["zhou2021", "zhou2021_fixed", "liu2015"])
+def test_a_bank_angle_for_a_method_that_starts_from_straight_lines_is_refused(method: str) -> None:
+    mission = load_mission("x33_liu2015" if method == "liu2015" else "cavh_zhou2021")
+    with pytest.raises(
+        MethodError, match=rf"guess: method '{method}' starts from straight lines .*; leave it out"
+    ):
+        solve(mission, method=method, guess=ConstantBank(0.5))
+
+
+@pytest.mark.parametrize(("degrees", "told"), [(61.0, "61"), (-90.0, "-90"), (np.nan, "nan")])
+def test_a_bank_angle_beyond_the_limit_is_refused(
+    mission: Mission, degrees: float, told: str
+) -> None:
+    message = rf"guess: expected a bank angle between ±60°, .* mission shefex3; got {told}°"
+    with pytest.raises(MethodError, match=message):
+        solve(mission, guess=ConstantBank(float(np.radians(degrees))))

@@ -1,0 +1,75 @@
+"""The verdict on a flight in words, with what it leaves open: limits exceeded, target missed."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ampi.missions.mission import Mission
+from ampi.physics.planet import great_circle_distance
+from ampi.scp.node_functions import NodeFunctions
+from ampi.trajectory import Trajectory
+
+EXCESS = 1e-3  # relative; less is not worth a word
+DEGREE = float(np.pi / 180.0)
+
+
+def verdict(mission: Mission, trajectory: Trajectory) -> str:
+    """The status's sentence, and for a flight that is not a solution what is open about it."""
+    status = trajectory.status
+    phrases = [] if status.ok else shortfall(mission, trajectory)
+    return f"{status.sentence} Open: {'; '.join(phrases)}." if phrases else status.sentence
+
+
+def shortfall(mission: Mission, trajectory: Trajectory) -> list[str]:
+    """One phrase for each limit exceeded at the nodes and each final state that is off.
+
+    Empty for a flight that leaves nothing open, and where there is no flight (NaN).
+    """
+    if not np.all(np.isfinite(trajectory.states)):
+        return []
+    return [*_exceeded(mission, trajectory), *_missed(mission, trajectory)]
+
+
+def _exceeded(mission: Mission, trajectory: Trajectory) -> list[str]:
+    functions = NodeFunctions.from_mission(mission)
+    path = functions.path(mission.flight_model, trajectory.states, trajectory.times)
+    found = []
+    for name, g in zip(functions.names, path, strict=True):
+        excess = float(np.max(g)) - 1.0
+        if excess <= EXCESS:
+            continue
+        if name.startswith("no_fly_zone"):
+            share = np.sqrt(max(0.0, 1.0 - excess))  # g = 2 − share²
+            found.append(f"{name} is entered, as near to its centre as {share:.2f} of its radius")
+        elif name == "drag_floor":
+            found.append(f"drag is {_short(100.0 * excess)} % below the drag_floor")
+        else:
+            found.append(f"{name} is {_short(100.0 * excess)} % above its limit")
+    return found
+
+
+def _missed(mission: Mission, trajectory: Trajectory) -> list[str]:
+    target, final = mission.target, trajectory.states[:, -1]
+    radius = mission.flight_model.planet.equatorial_radius
+    miss = great_circle_distance(final[1], final[2], target.longitude, target.latitude, radius)
+    found = []
+    if target.position == "fixed" and miss > 1e3:
+        found.append(f"the flight ends {_short(miss / 1e3)} km from the target")
+    height, speed = final[0] - target.altitude, final[3] - target.speed
+    if abs(height) > target.altitude_tolerance:
+        found.append(f"{_short(abs(height) / 1e3)} km too {'high' if height > 0.0 else 'low'}")
+    if abs(speed) > target.speed_tolerance:
+        found.append(f"{_short(abs(speed))} m/s too {'fast' if speed > 0.0 else 'slow'}")
+    for name, angle, span in (
+        ("flight_path_angle", final[4], target.flight_path_angle),
+        ("azimuth", final[5], target.azimuth),
+    ):
+        off = 0.0 if span is None else max(angle - span[1], span[0] - angle) / DEGREE
+        if off > 0.1:
+            found.append(f"the final {name} is {_short(off)}° off")
+    return found
+
+
+def _short(value: float) -> str:
+    """Three figures, and no exponent where there are more."""
+    return f"{value:,.0f}" if value >= 100.0 else f"{value:.3g}"
