@@ -32,7 +32,8 @@ from ampi.physics.equations_of_motion import equations_of_motion
 from ampi.physics.path_constraints import PATH_CONSTRAINTS, path_constraints
 from ampi.physics.vehicle import air_loads
 from ampi.pseudospectral.mesh import Mesh
-from ampi.scp.coast import Coast
+from ampi.scp.chattering import reversals
+from ampi.scp.coast import JUMP, Coast
 from ampi.scp.collocation import line_mesh
 from ampi.scp.formulation import (
     FinalState,
@@ -48,6 +49,7 @@ from ampi.trajectory import Status, Trajectory
 Array = NDArray[np.float64]
 
 SCALE = (1e4, 1.0, 1.0, 1.0, 1.0)  # m, rad
+FASTEST = 1.0  # s per unit of energy, far below any dt/ds of a flight
 HIGHEST = 200e3  # m, where the altitude bounds are looked for
 STATE_OF = (0, 1, 2, 4, 5)  # h, θ, φ, γ, ψ among the states over time
 
@@ -59,6 +61,8 @@ class EnergyDomain:
     mission: Mission
     coast: Coast
     heading_weight: float  # ε_ψ of Liu Eq. (38), in units of the mission's cost per rad
+    reversals: int = 0
+    side_weight: float = 0.0
     n_states: int = 5
     n_controls: int = 2
     state_scale: Array = field(default_factory=lambda: np.array(SCALE))
@@ -125,6 +129,7 @@ class EnergyDomain:
             "heat_load": o.heat_load,
             "ground_range": o.ground_range,
             "heading": self.heading_weight,
+            "side": self.side_weight,
         }
         terms = [Term(name, weight, TermKind.LINEAR) for name, weight in weights.items()]
         return tuple(term for term in terms if term.weight != 0.0)
@@ -178,6 +183,7 @@ class EnergyDomain:
                 "heat_load": path[1] / 1e6 / energy_rate,
                 "ground_range": along / 1e3 / energy_rate,
                 "heading": x[4],
+                "side": -u[1] * np.sign(np.sin(np.pi * (self.reversals + 1) * s / self.energy_range)),
             }
             zones = no_fly_zone_values(self.mission, longitude, latitude)
             clock = 1.0 / energy_rate  # dt/ds, for the trajectory over time
@@ -204,6 +210,11 @@ class EnergyDomain:
             integrand_control=lin.integrand_control[:, :m],
             integrand_curvature=lin.integrand_curvature[:, :m],
         )
+
+    def curvature(self, mesh: Mesh, x: Array, u: Array, final: float, mu: Array, w: Array) -> Array:
+        """See `Formulation`."""
+        clock = np.zeros((len(x), 1))
+        return self.functions.curvature(x, u, mesh.times(final), mu, np.hstack([w, clock]))
 
     def rates(self, x: Array, u: Array, s: Array) -> Array:
         """See `Formulation`."""
@@ -262,14 +273,24 @@ class EnergyDomain:
         return np.where(speed <= limits.drag_floor_speed, ceiling, 10.0 * HIGHEST)
 
     def trajectory(self, mesh: Mesh, x: Array, u: Array, final: float) -> Trajectory:
-        """See `Formulation`: time by the trapezoid of dt/ds, the coast before it."""
+        """See `Formulation`: time by the trapezoid of dt/ds, the coast before it.
+
+        A reversal has two nodes of its own, `JUMP` apart, where `chattering` puts it.
+        """
         s = mesh.times(final)
         clock = self.functions.linearise(x, np.zeros_like(u), s).integrands[:, -1]
+        clock = np.maximum(clock, FASTEST)  # an iterate that diverged may have time run backwards
         elapsed = np.concatenate([[0.0], np.cumsum(0.5 * np.diff(s) * (clock[1:] + clock[:-1]))])
         states = np.empty((7, len(x)))
         states[list(STATE_OF)] = (x * self.state_scale).T
         states[3] = self.speed(states[0], s + self.first_energy)
-        states[6] = np.arctan2(u[:, 1], u[:, 0])
+        sign, turns = reversals(s, u)
+        turns = np.interp(turns, s, elapsed)
+        states[6] = np.arccos(np.clip(u[:, 0], -1.0, 1.0))
+        every = np.union1d(elapsed, np.concatenate([turns - 0.5 * JUMP, turns + 0.5 * JUMP]))
+        states = np.array([np.interp(every, elapsed, row) for row in states])
+        states[6] *= sign * (-1.0) ** np.searchsorted(turns, every)
+        elapsed = every
         before = self.coast.times[:-1]
         times = np.concatenate([before, self.coast.times[-1] + elapsed])
         states = np.hstack([self.coast.states[:, :-1], states])

@@ -4,7 +4,8 @@
 |-----------------|-------------|------------------------|--------------|-------------------------------|
 | zhou2021        | time        | trapezoid, adaptive    | relaxed (η)  | global-error convergence      |
 | zhou2021_fixed  | time        | trapezoid, 400 points  | relaxed (η)  | global-error convergence      |
-| liu2015         | energy      | trapezoid, 201 points  | fixed        | cone relaxation               |
+| liu2015         | energy      | trapezoid, 201 points  | fixed        | cone relaxation, curvature    |
+| liu2015_flown   | energy      | trapezoid, 201 points  | fixed        | as liu2015, from a flight     |
 | wang2020_scp    | time        | trapezoid, 201 points  | fixed        |                               |
 | wang2020_pscp   | time        | Radau, 1 × 200         | fixed        |                               |
 | wang2020        | time        | Radau, 10 × 20         | fixed        |                               |
@@ -36,7 +37,7 @@ from ampi.pseudospectral.mesh import Mesh, Phase
 from ampi.scp.adaptive_mesh import LocalErrorAdaptation, global_error
 from ampi.scp.coast import until_drag, until_level
 from ampi.scp.collocation import Collocation, line_mesh, radau, trapezoid
-from ampi.scp.energy_domain import EnergyDomain
+from ampi.scp.energy_domain import STATE_OF, EnergyDomain
 from ampi.scp.formulation import Formulation
 from ampi.scp.guess import ConstantBank, constant_bank_guess, default_guess
 from ampi.scp.modified_hp import ModifiedHpSettings, Refined, Round, refine
@@ -47,7 +48,9 @@ from ampi.scp.successive import (
     Iterate,
     Linearised,
     Prices,
+    QuadraticPenalty,
     Run,
+    ScheduledQuadraticPenalty,
     Solver,
     StateChange,
     StateTrustRegion,
@@ -89,7 +92,8 @@ class Method:
     own_cost_unit: float | None = None  # scaled cost per unit of the mission's, ∫ dτ: Zhou Eq. (34)
     final_bounds: tuple[float, float] = (-np.inf, np.inf)  # s, for a free final time
     limit_margin: float = 0.0
-    penalty: VariableQuadraticPenalty | None = None
+    curved_states: tuple[int, ...] = ()
+    penalty: QuadraticPenalty | None = None
     adapt: LocalErrorAdaptation | None = None
     global_error: bool = False  # computed at every iteration
     refinement: ModifiedHpSettings | None = None
@@ -144,6 +148,7 @@ def _assemble(
         frozen_time=method.own_cost_unit is not None,
         final_bounds=method.final_bounds,
         limit_margin=method.limit_margin,
+        curved_states=method.curved_states,
     )
     return Successive(
         linearised=linearised,
@@ -272,41 +277,73 @@ HANDOVER_DRAG = 0.05  # [X] g₀: above it the energy domain is singular, and no
 HEADING_SHARE = 0.03  # [X] ε_ψ of Liu 2015, Eq. (38), in typical costs of the mission per rad
 
 
-def over_energy(points: int) -> Callable[[Mission], Start | None]:
-    """Liu 2015, Remark 6: zero bank until level, then straight lines to the target."""
+def over_energy(points: int, flown: bool = False) -> Callable[[Mission], Start | None]:
+    """The guess over energy: Liu 2015, Remark 6, or the mission's own guess flown.
+
+    Remark 6 flies zero bank until level, then draws straight lines to the target. It lies low, near
+    the shortest flight; a long flight is better begun from a flight.
+    """
 
     def start(mission: Mission) -> Start | None:
-        planet, target = mission.flight_model.planet, mission.target
-        gravity = planet.gravitational_parameter / planet.equatorial_radius**2
-        coast = until_drag(mission, HANDOVER_DRAG * gravity, 0.0)
-        level = until_level(mission)
-        if coast is None or level is None:
+        form = _energy_domain(mission)
+        if form is None:
             return None
-        first = coast.handover
-        to_target = bearing(first[1], first[2], target.longitude, target.latitude)
-        turn = (to_target - first[5] + np.pi) % (2.0 * np.pi) - np.pi
-        side = -1.0 if turn > 0.0 else 1.0  # ε_ψ < 0 with the target on the right, Section II.C
-        form = EnergyDomain(mission, coast, side * HEADING_SHARE * typical_cost(mission))
         tau = np.linspace(0.0, 1.0, points)
-        azimuth = to_target if target.azimuth is None else 0.5 * sum(target.azimuth)
-        flown = form.energy(level.states[0], level.states[3]) - form.first_energy
-        s = tau * form.energy_range
-        descent = np.interp(s, flown, level.states[0])
-        glide = np.interp(s, [flown[-1], form.energy_range], [level.states[0, -1], target.altitude])
-        states = np.column_stack(
-            [
-                np.where(s < flown[-1], descent, glide) / form.state_scale[0],
-                first[1] + (target.longitude - first[1]) * tau,
-                first[2] + (target.latitude - first[2]) * tau,
-                np.full(points, -0.1 * DEGREE),
-                first[5] + (azimuth - first[5]) * tau,
-            ]
-        )
+        states = (_flown if flown else _descent_and_lines)(mission, form, tau * form.energy_range)
+        if states is None:
+            return None
+        states = states / form.state_scale
         states[0] = form.entry
         iterate = Iterate(line_mesh(tau), states, np.zeros((points, 2)), form.energy_range)
         return Start(form, iterate)
 
     return start
+
+
+def _energy_domain(mission: Mission) -> EnergyDomain | None:
+    planet, target = mission.flight_model.planet, mission.target
+    gravity = planet.gravitational_parameter / planet.equatorial_radius**2
+    coast = until_drag(mission, HANDOVER_DRAG * gravity, 0.0)
+    if coast is None:
+        return None
+    first = coast.handover
+    turn = bearing(first[1], first[2], target.longitude, target.latitude) - first[5]
+    turn = (turn + np.pi) % (2.0 * np.pi) - np.pi
+    side = -1.0 if turn > 0.0 else 1.0  # ε_ψ < 0 with the target on the right, Section II.C
+    return EnergyDomain(mission, coast, side * HEADING_SHARE * typical_cost(mission))
+
+
+def _descent_and_lines(mission: Mission, form: EnergyDomain, s: Array) -> Array | None:
+    level = until_level(mission)
+    if level is None:
+        return None
+    target, first, share = mission.target, form.coast.handover, s / s[-1]
+    to_target = bearing(first[1], first[2], target.longitude, target.latitude)
+    azimuth = to_target if target.azimuth is None else 0.5 * sum(target.azimuth)
+    flown = form.energy(level.states[0], level.states[3]) - form.first_energy
+    descent = np.interp(s, flown, level.states[0])
+    glide = np.interp(s, [flown[-1], s[-1]], [level.states[0, -1], target.altitude])
+    return np.column_stack(
+        [
+            np.where(s < flown[-1], descent, glide),
+            first[1] + (target.longitude - first[1]) * share,
+            first[2] + (target.latitude - first[2]) * share,
+            np.full(len(s), -0.1 * DEGREE),
+            first[5] + (azimuth - first[5]) * share,
+        ]
+    )
+
+
+def _flown(mission: Mission, form: EnergyDomain, s: Array) -> Array | None:
+    guess = default_guess(mission)
+    if guess is None:
+        return None
+    nodal = constant_bank_guess(mission.with_mesh(line_mesh(np.linspace(0.0, 1.0, 2001))), guess)
+    if nodal is None:
+        return None
+    x = nodal.states
+    flown = np.maximum.accumulate(form.energy(x[:, 0], x[:, 3])) - form.first_energy
+    return np.column_stack([np.interp(s, flown, x[:, k]) for k in STATE_OF])
 
 
 def loose_nodes(solution: Solution, tolerance: float = 1e-3) -> NDArray[np.intp]:
@@ -359,8 +396,10 @@ LIU_2015 = Method(
     ),  # [X] c_θ, c_φ unpublished
     convergence=StateChange((200.0, *(0.05 * DEGREE,) * 4)),  # Section V
     max_iterations=20,
-    # ours: without it the longest flight and the least heat load oscillate
-    penalty=VariableQuadraticPenalty(initial=0.1, shrink=0.9),
+    # ours, tuned on the X-33: without the curvature along h and ψ the least heat load oscillates, and
+    # the penalty holds back the third step, the one that overshoots
+    curved_states=(0, 4),
+    penalty=ScheduledQuadraticPenalty((0.1, 0.1, 0.3, 0.03)),
 )
 
 WANG = Method(
@@ -404,6 +443,9 @@ METHODS: dict[str, Method] = {
     "zhou2021": ZHOU,
     "zhou2021_fixed": replace(ZHOU, source="Zhou et al. 2021, fixed mesh", adapt=None),
     "liu2015": LIU_2015,
+    "liu2015_flown": replace(
+        LIU_2015, source="Liu, Shen, Lu 2015, from a flight", start=over_energy(201, flown=True)
+    ),
     "wang2020_scp": replace(
         WANG,
         source="Wang et al. 2020, SCP",
