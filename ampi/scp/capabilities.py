@@ -81,7 +81,6 @@ METHODS: Mapping[str, Capabilities] = {
     "zhou2021": OVER_TIME,
     "zhou2021_fixed": OVER_TIME,
     "liu2015": OVER_ENERGY,
-    "liu2015_flown": OVER_ENERGY,
     "wang2020_scp": OVER_TIME,
     "wang2020_pscp": OVER_TIME,
     "wang2020": OVER_TIME,

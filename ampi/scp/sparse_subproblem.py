@@ -159,9 +159,7 @@ def solve_sparse_subproblem(problem: SparseSubproblem) -> SparseStep:
     return _step(p, np.array(solution.x), price, float(solution.obj_val), str(solution.status))
 
 
-def _step(
-    p: SparseSubproblem, y: Array, price: Array, objective: float, status: str
-) -> SparseStep:
+def _step(p: SparseSubproblem, y: Array, price: Array, objective: float, status: str) -> SparseStep:
     n_x, first_slack = p.n_nodes * p.n_states, p.width + 1
     first_limit = first_slack + len(p.target)
     return SparseStep(

@@ -332,23 +332,6 @@ class VariableQuadraticPenalty:
         return self.shrink * penalty if penalty > 0.01 * self.first else 0.0
 
 
-@dataclass(frozen=True)
-class ScheduledQuadraticPenalty:
-    """ρ of every subproblem given beforehand, the last one for all that follow."""
-
-    values: tuple[float, ...]
-
-    @property
-    def initial(self) -> float:
-        """ρ of the first subproblem."""
-        return self.values[0]
-
-    def update(self, penalty: float, costs: list[float]) -> float:
-        """ρ of the next subproblem; `costs` (k + 1) after k of them."""
-        return self.values[min(len(costs) - 1, len(self.values) - 1)]
-
-
-QuadraticPenalty = VariableQuadraticPenalty | ScheduledQuadraticPenalty
 Convergence = StateChange | GlobalErrorChange
 Adaptation = Callable[[Formulation, Iterate], Iterate]
 EndError = Callable[[Formulation, Iterate], Array]
@@ -362,7 +345,7 @@ class Successive:
     transcribe: Callable[[Mesh], Collocation]
     convergence: Convergence
     max_iterations: int
-    penalty: QuadraticPenalty | None = None
+    penalty: VariableQuadraticPenalty | None = None
     adapt: Adaptation | None = None
     end_error: EndError | None = None
     solver: Solver = solve_sparse_subproblem
