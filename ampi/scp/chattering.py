@@ -31,7 +31,7 @@ def positive_share(u: Array) -> Array:
 
 
 def reversals(s: Array, u: Array) -> tuple[float, Array]:
-    """Sign of the bank angle at s_0, and where it turns over (k,): between nodes s (n,) under u (n, 2)."""
+    """Sign of the bank angle at s_0, and where it turns over (k,); nodes s (n,), controls u (n, 2)."""
     share = positive_share(u)
     edges = np.concatenate([s[:1], 0.5 * (s[1:] + s[:-1]), s[-1:]])
     sign = first = 1.0 if share[0] >= 0.5 else -1.0

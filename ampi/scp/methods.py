@@ -305,7 +305,7 @@ def over_energy(points: int) -> Callable[[Mission], Start | None]:
 
 
 def _energy_domain(mission: Mission) -> EnergyDomain | None:
-    planet, target = mission.flight_model.planet, mission.target
+    planet = mission.flight_model.planet
     gravity = planet.gravitational_parameter / planet.equatorial_radius**2
     coast = until_drag(mission, HANDOVER_DRAG * gravity, 0.0)
     if coast is None:
