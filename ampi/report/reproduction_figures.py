@@ -12,8 +12,10 @@ from numpy.typing import NDArray
 from ampi.missions.mission import Mission, load_mission
 from ampi.physics.path_constraints import PATH_CONSTRAINTS
 from ampi.report.look import INK, LIMIT_COLOUR, house_style, new_figure
-from ampi.report.reproduction import liu2015_case
+from ampi.report.reproduction_liu2015 import liu2015_case
 from ampi.report.reproduction_table import Reproduction
+from ampi.scp.energy_domain import EnergyDomain
+from ampi.scp.methods import Solution
 from ampi.simulation.reintegration import reintegrate
 from ampi.trajectory import Trajectory
 
@@ -73,28 +75,52 @@ def zhou2021(found: Reproduction) -> Figure:
 
 @house_style
 def liu2015(found: Reproduction) -> Figure:
-    """Altitude over speed, bank angle, heat flux, normal load [Figs. 4–9]."""
+    """X-33: altitude over speed, bank angle [Figs. 4–9]. CAV-H: track, bounds [Figs. 11, 14]."""
     figure = new_figure(WIDTH, 7.0)
-    (altitude, bank), (heat, load) = figure.subplots(2, 2)
+    (altitude, bank), (track, corridor) = figure.subplots(2, 2)
     for k, case in enumerate(found.ours):
-        mission, t = liu2015_case(case), found.solutions[case].trajectory
-        flown = reintegrate(mission, t)
-        path = flown.fine_path[0]
+        t, own = found.solutions[case].trajectory, found.ours[case]
         _trace(altitude, t.states[3], t.states[0] / 1e3, case, k)
-        _trace(altitude, found.ours[case].states[3], found.ours[case].states[0] / 1e3,
-               f"{case}, ours", k, dashed=True)  # fmt: skip
+        _trace(altitude, own.states[3], own.states[0] / 1e3, f"{case}, ours", k, dashed=True)
         _trace(bank, t.times, np.degrees(t.states[6]), case, k)
-        limits = mission.limits
-        _trace(heat, flown.fine_times[0], path[1] * limits.heat_flux / 1e3, case, k)
-        _trace(load, flown.fine_times[0], path[2] * limits.load_factor, case, k)
-        _limit(heat, limits.heat_flux / 1e3)
-        _limit(load, limits.load_factor)
-    altitude.invert_xaxis()
-    _labels(altitude, "speed (m/s)", "altitude (km)")
+    for k, case in enumerate(("no-fly zones", "without zones")):
+        t = found.solutions[case].trajectory
+        _trace(track, np.degrees(t.states[1]), np.degrees(t.states[2]), case, k)
+        _trace(corridor, t.states[3], t.states[0] / 1e3, case, k)
+    _zones(track, liu2015_case("no-fly zones"))
+    _bounds(corridor, found.solutions["no-fly zones"])
+    for axes in (altitude, corridor):
+        axes.invert_xaxis()
+        _labels(axes, "speed (m/s)", "altitude (km)")
+    corridor.set_ylim(20.0, 80.0)
     _labels(bank, "time (s)", "bank angle (deg)")
-    _labels(heat, "time (s)", "heat flux (kW/m²)")
-    _labels(load, "time (s)", "load factor (g)")
+    _labels(track, "longitude (deg)", "latitude (deg)")
     return figure
+
+
+def _zones(axes: Axes, mission: Mission) -> None:
+    """Edges of the no-fly zones, Liu 2015, Eq. (71)."""
+    radius, around = (
+        mission.flight_model.planet.equatorial_radius,
+        np.linspace(0.0, 2.0 * np.pi, 181),
+    )
+    for zone in mission.no_fly_zone:
+        east = zone.longitude + zone.radius / radius * np.cos(around)
+        north = zone.latitude + zone.radius / radius * np.sin(around)
+        axes.plot(np.degrees(east), np.degrees(north), color=LIMIT_COLOUR, linewidth=1.0)
+    axes.set_aspect("equal")
+
+
+def _bounds(axes: Axes, solution: Solution) -> None:
+    """Lowest and highest altitude (km) over speed, Liu 2015, Eqs. (14) and (60)."""
+    form, at = solution.formulation, solution.iterate
+    assert isinstance(form, EnergyDomain)
+    s = at.mesh.times(at.final)
+    speed = form.speed(at.states[:, 0] * form.state_scale[0], s + form.first_energy)
+    bounds = [form.altitude_floors(s).max(axis=0), form.altitude_ceiling(s)]
+    for bound in bounds:
+        if bound is not None:
+            axes.plot(speed, bound / 1e3, color=LIMIT_COLOUR, linewidth=1.0, linestyle=":")
 
 
 @house_style

@@ -12,6 +12,15 @@ out of the linearisation, which is thereby independent of the last control (Liu 
 keeps the bank angle free of jitter. The paper sets V = √(2(1 − e)) (Eq. 7) and leaves the planet's
 rotation out of ė; Eq. (1) and the exact ė cost nothing here and are exact.
 
+The relaxation is tight where the heading has a price. Liu Eq. (38) adds ε_ψ ∫ ψ de, and every linear
+subproblem is tight indeed; but the curvature of cos ψ, which a converged iteration knows, makes flying
+straight on with ‖u‖ < 1 the better optimum wherever there is lift to spare: 160 loose nodes of 201 on
+the CAV-H. So ε_ψ is here a row of impulses of alternating sign, which is by parts
+
+    − w ∫ c (∂ψ'/∂u₂) u₂ ds,      c = ±1, changing when the lift could have turned the heading by Θ:  (3)
+
+a weave of Θ about the straight flight, on the circle, for less than 1 % of the flight time.
+
 Path limits are bounds on the altitude at every energy, l(e) ≤ h (Liu Eqs. 12–14), solved from the
 limits themselves; the drag floor (Eq. 73) is a ceiling (Eq. 60); no-fly zones are linearised (Eq. 72).
 f₀ and B come from the one source of the equations of motion, by
@@ -32,7 +41,8 @@ from ampi.physics.equations_of_motion import equations_of_motion
 from ampi.physics.path_constraints import PATH_CONSTRAINTS, path_constraints
 from ampi.physics.vehicle import air_loads
 from ampi.pseudospectral.mesh import Mesh
-from ampi.scp.coast import Coast
+from ampi.scp.chattering import reversals
+from ampi.scp.coast import JUMP, Coast
 from ampi.scp.collocation import line_mesh
 from ampi.scp.formulation import (
     FinalState,
@@ -48,6 +58,7 @@ from ampi.trajectory import Status, Trajectory
 Array = NDArray[np.float64]
 
 SCALE = (1e4, 1.0, 1.0, 1.0, 1.0)  # m, rad
+FASTEST = 1.0  # s per unit of energy, far below any dt/ds of a flight
 HIGHEST = 200e3  # m, where the altitude bounds are looked for
 STATE_OF = (0, 1, 2, 4, 5)  # h, θ, φ, γ, ψ among the states over time
 
@@ -58,7 +69,8 @@ class EnergyDomain:
 
     mission: Mission
     coast: Coast
-    heading_weight: float  # ε_ψ of Liu Eq. (38), in units of the mission's cost per rad
+    side_weight: float  # w of Eq. (3), in units of the mission's cost per rad
+    half_wave: float  # Θ of Eq. (3), rad
     n_states: int = 5
     n_controls: int = 2
     state_scale: Array = field(default_factory=lambda: np.array(SCALE))
@@ -124,7 +136,7 @@ class EnergyDomain:
             "flight_time": o.flight_time,
             "heat_load": o.heat_load,
             "ground_range": o.ground_range,
-            "heading": self.heading_weight,
+            "side": self.side_weight,  # last: `_signs`
         }
         terms = [Term(name, weight, TermKind.LINEAR) for name, weight in weights.items()]
         return tuple(term for term in terms if term.weight != 0.0)
@@ -177,7 +189,7 @@ class EnergyDomain:
                 "flight_time": 1.0 / energy_rate,
                 "heat_load": path[1] / 1e6 / energy_rate,
                 "ground_range": along / 1e3 / energy_rate,
-                "heading": x[4],
+                "side": -0.5 * (right[5] - left[5]) / energy_rate * u[1],
             }
             zones = no_fly_zone_values(self.mission, longitude, latitude)
             clock = 1.0 / energy_rate  # dt/ds, for the trajectory over time
@@ -201,9 +213,47 @@ class EnergyDomain:
             limit_drift=np.zeros((len(x), len(self.limit_names))),
             integrands=lin.integrands[:, :m],
             integrand_state=lin.integrand_state[:, :m],
-            integrand_control=lin.integrand_control[:, :m],
+            integrand_control=lin.integrand_control[:, :m] * self._signs(s)[:, :, None],
             integrand_curvature=lin.integrand_curvature[:, :m],
         )
+
+    def curvature(self, mesh: Mesh, x: Array, u: Array, final: float, mu: Array, w: Array) -> Array:
+        """See `Formulation`."""
+        s, clock = mesh.times(final), np.zeros((len(x), 1))
+        return self.functions.curvature(x, u, s, mu, np.hstack([w * self._signs(s), clock]))
+
+    def _signs(self, s: Array) -> Array:
+        """Factors of the terms (n, m): those of Eq. (3) on the last, which is traced without."""
+        return np.column_stack([np.ones((len(s), len(self.terms) - 1)), self.side(s)])
+
+    def side(self, s: Array) -> Array:
+        """±1 of Eq. (3): it changes whenever the lift could have turned the heading by Θ."""
+        waves = np.floor(self._turn(s) / self.half_wave + 0.5)
+        return np.asarray((-1.0) ** waves)
+
+    def _turn(self, s: Array) -> Array:
+        """∫ (L/D) dV/V, what the lift could turn the heading by (rad), from s = 0.
+
+        L/D is a function of the speed alone where the angle of attack is (Liu Section II.B); the
+        altitude of the target stands for all.
+        """
+        model, altitude = self.mission.flight_model, self.mission.target.altitude
+        fine = np.linspace(0.0, self.energy_range, 1001)
+        speed = self.speed(altitude, fine + self.first_energy)
+        air = air_loads(model.vehicle, model.atmosphere, altitude, speed, 0.0)
+        rate = air.lift / air.drag * self.energy_unit / speed**2
+        turned = np.concatenate([[0.0], np.cumsum(0.5 * np.diff(fine) * (rate[1:] + rate[:-1]))])
+        return np.asarray(np.interp(s, fine, turned))
+
+    def ground_range(self, s: Array, altitude: Array) -> Array:
+        """∫ cos γ R₀/r ds/D of Liu Section II.C (n,), m, for a level flight at `altitude` (n,)."""
+        model = self.mission.flight_model
+        radius = model.planet.equatorial_radius
+        speed = self.speed(altitude, s + self.first_energy)
+        drag = air_loads(model.vehicle, model.atmosphere, altitude, speed, 0.0).drag
+        rate = self.energy_unit / drag * radius / (radius + altitude)
+        steps = 0.5 * np.diff(s) * (rate[1:] + rate[:-1])
+        return np.concatenate([[0.0], np.cumsum(steps)])
 
     def rates(self, x: Array, u: Array, s: Array) -> Array:
         """See `Formulation`."""
@@ -262,14 +312,24 @@ class EnergyDomain:
         return np.where(speed <= limits.drag_floor_speed, ceiling, 10.0 * HIGHEST)
 
     def trajectory(self, mesh: Mesh, x: Array, u: Array, final: float) -> Trajectory:
-        """See `Formulation`: time by the trapezoid of dt/ds, the coast before it."""
+        """See `Formulation`: time by the trapezoid of dt/ds, the coast before it.
+
+        A reversal has two nodes of its own, `JUMP` apart, where `chattering` puts it.
+        """
         s = mesh.times(final)
         clock = self.functions.linearise(x, np.zeros_like(u), s).integrands[:, -1]
+        clock = np.maximum(clock, FASTEST)  # an iterate that diverged may have time run backwards
         elapsed = np.concatenate([[0.0], np.cumsum(0.5 * np.diff(s) * (clock[1:] + clock[:-1]))])
         states = np.empty((7, len(x)))
         states[list(STATE_OF)] = (x * self.state_scale).T
         states[3] = self.speed(states[0], s + self.first_energy)
-        states[6] = np.arctan2(u[:, 1], u[:, 0])
+        sign, turns = reversals(s, u)
+        turns = np.interp(turns, s, elapsed)
+        states[6] = np.arccos(np.clip(u[:, 0], -1.0, 1.0))
+        every = np.union1d(elapsed, np.concatenate([turns - 0.5 * JUMP, turns + 0.5 * JUMP]))
+        states = np.array([np.interp(every, elapsed, row) for row in states])
+        states[6] *= sign * (-1.0) ** np.searchsorted(turns, every)
+        elapsed = every
         before = self.coast.times[:-1]
         times = np.concatenate([before, self.coast.times[-1] + elapsed])
         states = np.hstack([self.coast.states[:, :-1], states])

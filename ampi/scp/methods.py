@@ -4,7 +4,7 @@
 |-----------------|-------------|------------------------|--------------|-------------------------------|
 | zhou2021        | time        | trapezoid, adaptive    | relaxed (η)  | global-error convergence      |
 | zhou2021_fixed  | time        | trapezoid, 400 points  | relaxed (η)  | global-error convergence      |
-| liu2015         | energy      | trapezoid, 201 points  | fixed        | cone relaxation               |
+| liu2015         | energy      | trapezoid, 201 points  | fixed        | cone relaxation, curvature    |
 | wang2020_scp    | time        | trapezoid, 201 points  | fixed        | variable penalty (ours)       |
 | wang2020_pscp   | time        | Radau, 1 × 200         | fixed        |                               |
 | wang2020        | time        | Radau, 10 × 20         | fixed        |                               |
@@ -34,7 +34,7 @@ from ampi.missions.mission import Mission
 from ampi.physics.planet import bearing, great_circle_distance
 from ampi.pseudospectral.mesh import Mesh, Phase
 from ampi.scp.adaptive_mesh import LocalErrorAdaptation, global_error
-from ampi.scp.coast import until_drag, until_level
+from ampi.scp.coast import Coast, until_drag, until_level
 from ampi.scp.collocation import Collocation, line_mesh, radau, trapezoid
 from ampi.scp.energy_domain import EnergyDomain
 from ampi.scp.formulation import Formulation
@@ -89,6 +89,7 @@ class Method:
     own_cost_unit: float | None = None  # scaled cost per unit of the mission's, ∫ dτ: Zhou Eq. (34)
     final_bounds: tuple[float, float] = (-np.inf, np.inf)  # s, for a free final time
     limit_margin: float = 0.0
+    curved_states: tuple[int, ...] = ()
     penalty: VariableQuadraticPenalty | None = None
     adapt: LocalErrorAdaptation | None = None
     global_error: bool = False  # computed at every iteration
@@ -144,6 +145,7 @@ def _assemble(
         frozen_time=method.own_cost_unit is not None,
         final_bounds=method.final_bounds,
         limit_margin=method.limit_margin,
+        curved_states=method.curved_states,
     )
     return Successive(
         linearised=linearised,
@@ -278,44 +280,74 @@ def flown(mesh: Mesh) -> Callable[[Mission], Start | None]:
 
 
 HANDOVER_DRAG = 0.05  # [X] g₀: above it the energy domain is singular, and no bank angle matters
-HEADING_SHARE = 0.03  # [X] ε_ψ of Liu 2015, Eq. (38), in typical costs of the mission per rad
+SIDE_SHARE = 0.02  # [X] w of `energy_domain`, Eq. (3), in typical costs of the mission per rad
+HALF_WAVE = 22.0 * DEGREE  # [X] Θ of Eq. (3): a weave of ±11° lengthens the path by 0.6 %
+CLEARANCE = 2e3  # m, [X] of the guess above the path limits
 
 
 def over_energy(points: int) -> Callable[[Mission], Start | None]:
-    """Liu 2015, Remark 6: zero bank until level, then straight lines to the target."""
+    """The guess over energy: Liu 2015, Remark 6, kept within the altitude bounds.
+
+    Remark 6 draws straight lines over energy. Its altitude lies up to 10 km below the path limits of
+    the X-33, where the drag is four times what it can be, and the first linearised flights do not
+    reach the target. The bounds are known beforehand (Liu Eq. 14), so the altitude is lifted above
+    them, and the great circle to the target is travelled as that altitude implies.
+    """
 
     def start(mission: Mission) -> Start | None:
-        planet, target = mission.flight_model.planet, mission.target
-        gravity = planet.gravitational_parameter / planet.equatorial_radius**2
-        coast = until_drag(mission, HANDOVER_DRAG * gravity, 0.0)
-        level = until_level(mission)
-        if coast is None or level is None:
+        form, level = _energy_domain(mission), until_level(mission)
+        if form is None or level is None:
             return None
-        first = coast.handover
-        to_target = bearing(first[1], first[2], target.longitude, target.latitude)
-        turn = (to_target - first[5] + np.pi) % (2.0 * np.pi) - np.pi
-        side = -1.0 if turn > 0.0 else 1.0  # ε_ψ < 0 with the target on the right, Section II.C
-        form = EnergyDomain(mission, coast, side * HEADING_SHARE * typical_cost(mission))
         tau = np.linspace(0.0, 1.0, points)
-        azimuth = to_target if target.azimuth is None else 0.5 * sum(target.azimuth)
-        flown = form.energy(level.states[0], level.states[3]) - form.first_energy
         s = tau * form.energy_range
-        descent = np.interp(s, flown, level.states[0])
-        glide = np.interp(s, [flown[-1], form.energy_range], [level.states[0, -1], target.altitude])
-        states = np.column_stack(
-            [
-                np.where(s < flown[-1], descent, glide) / form.state_scale[0],
-                first[1] + (target.longitude - first[1]) * tau,
-                first[2] + (target.latitude - first[2]) * tau,
-                np.full(points, -0.1 * DEGREE),
-                first[5] + (azimuth - first[5]) * tau,
-            ]
-        )
+        altitude = _guessed_altitude(form, level, s)
+        travelled = form.ground_range(s, altitude)
+        longitude, latitude, azimuth = _great_circle(form, travelled / travelled[-1])
+        slope = np.full(points, -0.1 * DEGREE)
+        states = np.column_stack([altitude, longitude, latitude, slope, azimuth])
+        states = states / form.state_scale
         states[0] = form.entry
         iterate = Iterate(line_mesh(tau), states, np.zeros((points, 2)), form.energy_range)
         return Start(form, iterate)
 
     return start
+
+
+def _energy_domain(mission: Mission) -> EnergyDomain | None:
+    planet = mission.flight_model.planet
+    gravity = planet.gravitational_parameter / planet.equatorial_radius**2
+    coast = until_drag(mission, HANDOVER_DRAG * gravity, 0.0)
+    if coast is None:
+        return None
+    return EnergyDomain(mission, coast, SIDE_SHARE * typical_cost(mission), HALF_WAVE)
+
+
+def _guessed_altitude(form: EnergyDomain, level: Coast, s: Array) -> Array:
+    """Zero bank until level, a straight line to the target, both within the bounds (n,), m."""
+    flown = form.energy(level.states[0], level.states[3]) - form.first_energy
+    last = form.mission.target.altitude
+    descent = np.interp(s, flown, level.states[0])
+    glide = np.interp(s, [flown[-1], s[-1]], [level.states[0, -1], last])
+    altitude = np.where(s < flown[-1], descent, glide)
+    altitude = np.maximum(altitude, form.altitude_floors(s).max(axis=0) + CLEARANCE)
+    ceiling = form.altitude_ceiling(s)
+    altitude = altitude if ceiling is None else np.minimum(altitude, ceiling)
+    return np.append(altitude[:-1], last)
+
+
+def _great_circle(form: EnergyDomain, share: Array) -> tuple[Array, Array, Array]:
+    """Longitude, latitude and azimuth (n,) at `share` of the way from the handover to the target."""
+    target, first = form.mission.target, form.coast.handover
+    ends = np.array([first[1:3], [target.longitude, target.latitude]])
+    a, b = (np.array([np.cos(q) * np.cos(p), np.cos(q) * np.sin(p), np.sin(q)]) for p, q in ends)
+    angle = np.arccos(a @ b)
+    x, y, z = (
+        np.outer(a, np.sin((1.0 - share) * angle)) + np.outer(b, np.sin(share * angle))
+    ) / np.sin(angle)
+    longitude, latitude = np.unwrap(np.arctan2(y, x)), np.arcsin(z)
+    longitude += 2.0 * np.pi * np.round((ends[0, 0] - longitude[0]) / (2.0 * np.pi))
+    azimuth = bearing(longitude[:-1], latitude[:-1], target.longitude, target.latitude)
+    return longitude, latitude, np.append(azimuth, azimuth[-1])
 
 
 def loose_nodes(solution: Solution, tolerance: float = 1e-3) -> NDArray[np.intp]:
@@ -368,8 +400,9 @@ LIU_2015 = Method(
     ),  # [X] c_θ, c_φ unpublished
     convergence=StateChange((200.0, *(0.05 * DEGREE,) * 4)),  # Section V
     max_iterations=20,
-    # ours: without it the longest flight and the least heat load oscillate
-    penalty=VariableQuadraticPenalty(initial=0.1, shrink=0.9),
+    # ours: without the curvature along h and ψ the longest flight diverges and the least heat load
+    # takes twice the iterations; that of all states, made convex node by node, is no faster
+    curved_states=(0, 4),
 )
 
 WANG = Method(

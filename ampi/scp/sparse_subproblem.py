@@ -3,7 +3,7 @@
 The form in which the literature writes it. With changes δx (n, n_x), δu (n, n_u), δs of the final
 value of the independent variable, trust-region relaxation η and slacks v (target), p (limits), a:
 
-    minimise   qᵀ(δx, δu, δs) + ½ δxᵀ diag(Q) δx + c_η η + Σ c_v v + c_p Σ p + Σ w a
+    minimise   qᵀ(δx, δu, δs) + ½ (δx, δu, δs)ᵀ diag(Q) (δx, δu, δs) + c_η η + Σ c_v v + c_p Σ p + Σ w a
     subject to D_x δx + D_u δu + D_s δs = −R                dynamics
                δx prescribed at the entry, and at a hard target
                lo − v ≤ δx_f ≤ hi + v                       target, elastic
@@ -105,6 +105,7 @@ class SparseStep:
     relaxation: float  # η
     target_slack: Array  # v
     limit_slack: Array  # p (n_limits,)
+    dynamics_multipliers: Array  # of the rows of D (m, n_x)
     objective: float
     status: str
 
@@ -154,10 +155,11 @@ def solve_sparse_subproblem(problem: SparseSubproblem) -> SparseStep:
         inequalities=len(at_most),
         second_order=(3,) * (p.n_nodes if p.control_cone else 0),
     )
-    return _step(p, np.array(solution.x), float(solution.obj_val), str(solution.status))
+    price = np.array(solution.z)[: len(p.residual)].reshape(-1, p.n_states)
+    return _step(p, np.array(solution.x), price, float(solution.obj_val), str(solution.status))
 
 
-def _step(p: SparseSubproblem, y: Array, objective: float, status: str) -> SparseStep:
+def _step(p: SparseSubproblem, y: Array, price: Array, objective: float, status: str) -> SparseStep:
     n_x, first_slack = p.n_nodes * p.n_states, p.width + 1
     first_limit = first_slack + len(p.target)
     return SparseStep(
@@ -167,6 +169,7 @@ def _step(p: SparseSubproblem, y: Array, objective: float, status: str) -> Spars
         relaxation=float(y[p.width]),
         target_slack=np.maximum(y[first_slack:first_limit], 0.0),
         limit_slack=np.maximum(y[first_limit : first_limit + p.n_limits], 0.0),
+        dynamics_multipliers=price,
         objective=objective,
         status=status,
     )

@@ -97,6 +97,7 @@ def solve_sparse_subproblem_cvxpy(
         relaxation=float(relaxation.value),
         target_slack=np.maximum(np.asarray(miss.value), 0.0),
         limit_slack=np.maximum(np.asarray(excess.value), 0.0),
+        dynamics_multipliers=np.asarray(constraints[0].dual_value).reshape(-1, n_x),
         objective=float(program.value),
         status=STATUS.get(program.status, str(program.status)),
     )
@@ -112,6 +113,7 @@ def _unsolved(p: SparseSubproblem, status: str) -> SparseStep:
         relaxation=np.nan,
         target_slack=np.full(len(p.target), np.nan),
         limit_slack=np.full(p.n_limits, np.nan),
+        dynamics_multipliers=np.full((len(p.residual) // p.n_states, p.n_states), np.nan),
         objective=np.nan,
         status=status,
     )

@@ -93,9 +93,14 @@ class Linearised:
     frozen_time: bool = False  # ∫ dτ instead of ∫ dt in the cost: Zhou 2021, Eq. (34)
     final_bounds: tuple[float, float] = (-np.inf, np.inf)
     limit_margin: float = 0.0  # limits are held to 1 − margin
+    curved_states: tuple[int, ...] = ()  # along which the Lagrangian's curvature is kept
 
     def subproblem(
-        self, rule: Collocation, at: Iterate, quadratic_penalty: float = 0.0
+        self,
+        rule: Collocation,
+        at: Iterate,
+        quadratic_penalty: float = 0.0,
+        multipliers: Array | None = None,
     ) -> SparseSubproblem:
         """Eq. (1) of `sparse_subproblem` about an iterate.
 
@@ -122,6 +127,8 @@ class Linearised:
         gradient, curvature, absolute = self._cost(lin, rule, at)
         if quadratic_penalty > 0.0:
             curvature[: n * n_x] += np.tile(2.0 * quadratic_penalty / n / radius**2, n)
+        if multipliers is not None and self.curved_states:
+            curvature[: n * n_x] += self._curvature(rule, at, multipliers).ravel()
         return SparseSubproblem(
             n_nodes=n,
             n_states=n_x,
@@ -148,17 +155,29 @@ class Linearised:
             control_cone=form.control_cone,
         )
 
+    def _curvature(self, rule: Collocation, at: Iterate, multipliers: Array) -> Array:
+        """∂²L/∂x² (n, n_x) along `curved_states`, where positive; multipliers (m, n_x)."""
+        form = self.formulation
+        weights = [self._scale(at) * term.weight for term in form.terms]
+        w = np.outer(rule.weights(at.final), weights)
+        mu = -rule.right.T @ (rule.half_lengths(at.final)[:, None] * multipliers)
+        found = form.curvature(at.mesh, at.states, at.controls, at.final, mu, w)
+        held = np.isin(np.arange(form.n_states), self.curved_states)
+        return np.where(held, np.maximum(found, 0.0), 0.0)
+
     def cost(self, rule: Collocation, at: Iterate) -> float:
         """The objective of the nonlinear problem at an iterate, scaled."""
         form = self.formulation
         lin = form.linearise(at.mesh, at.states, at.controls, at.final)
-        scale = self.cost_scale / (at.final if self.frozen_time else 1.0)
         total = form.final_cost * at.final if form.final_is_free else 0.0
         for k, term in enumerate(form.terms):
             value = lin.integrands[:, k]
             value = np.abs(value) if term.kind is TermKind.ABSOLUTE else value
             total += term.weight * float(rule.weights(at.final) @ value)
-        return scale * total
+        return self._scale(at) * total
+
+    def _scale(self, at: Iterate) -> float:
+        return self.cost_scale / (at.final if self.frozen_time else 1.0)
 
     def _bounds(self, at: Iterate, width: int) -> tuple[Array, Array]:
         form, n = self.formulation, len(at.states)
@@ -179,7 +198,7 @@ class Linearised:
         n_x, n_u = form.n_states, form.n_controls
         width = n * (n_x + n_u) + 1
         gradient, curvature = np.zeros(width), np.zeros(width)
-        scale = self.cost_scale / (at.final if self.frozen_time else 1.0)
+        scale = self._scale(at)
         free = not self.frozen_time and form.final_is_free
         gradient[-1] += form.final_cost * scale * form.final_scale if form.final_is_free else 0.0
         weights, growth = rule.weights(at.final), rule.weight_free * form.final_scale * free
@@ -337,9 +356,9 @@ class Successive:
         rule = self.transcribe(at.mesh)
         status = "iteration limit"
         quadratic = 0.0 if self.penalty is None else self.penalty.initial
-        costs = [self.linearised.cost(rule, at)]
+        costs, multipliers = [self.linearised.cost(rule, at)], None
         for iteration in range(1, self.max_iterations + 1):
-            problem = self.linearised.subproblem(rule, at, quadratic)
+            problem = self.linearised.subproblem(rule, at, quadratic, multipliers)
             built = time.perf_counter()
             step = self.solver(problem)
             seconds = time.perf_counter() - built
@@ -352,6 +371,7 @@ class Successive:
                 at.controls + step.controls,
                 at.final + step.final * form.final_scale,
             )
+            multipliers = step.dynamics_multipliers
             costs.append(self.linearised.cost(rule, at))
             error = () if self.end_error is None else tuple(self.end_error(form, at))
             change = np.abs(step.states).max(axis=0) * form.state_scale

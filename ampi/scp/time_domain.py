@@ -103,6 +103,10 @@ class TimeDomain:
         """See `Formulation`."""
         return self.functions.linearise(x, u, mesh.times(final))
 
+    def curvature(self, mesh: Mesh, x: Array, u: Array, final: float, mu: Array, w: Array) -> Array:
+        """See `Formulation`."""
+        return self.functions.curvature(x, u, mesh.times(final), mu, w)
+
     def rates(self, x: Array, u: Array, s: Array) -> Array:
         """See `Formulation`."""
         return self.functions.rates(x, u, s)

@@ -8,7 +8,7 @@ import pytest
 from numpy.typing import NDArray
 
 from ampi.missions import load_mission
-from ampi.report.reproduction import liu2015_case
+from ampi.report.reproduction_liu2015 import liu2015_case
 from ampi.scp.methods import METHODS, _assemble, flown, uniform
 from ampi.scp.sparse_subproblem import SparseSubproblem, solve_sparse_subproblem
 from ampi.scp.sparse_subproblem_cvxpy import solve_sparse_subproblem_cvxpy
