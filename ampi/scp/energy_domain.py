@@ -15,11 +15,11 @@ rotation out of ė; Eq. (1) and the exact ė cost nothing here and are exact.
 The relaxation is tight where the heading has a price. Liu Eq. (38) adds ε_ψ ∫ ψ de, and every linear
 subproblem is tight indeed; but the curvature of cos ψ, which a converged iteration knows, makes flying
 straight on with ‖u‖ < 1 the better optimum wherever there is lift to spare: 160 loose nodes of 201 on
-the CAV-H. So ε_ψ is here a row of impulses of alternating sign, which is by parts
+the CAV-H. This is where we leave the paper: ε_ψ is here a row of impulses of alternating sign, by parts
 
     − w ∫ c (∂ψ'/∂u₂) u₂ ds,      c = ±1, changing when the lift could have turned the heading by Θ:  (3)
 
-a weave of Θ about the straight flight, on the circle, for less than 1 % of the flight time.
+a weave of Θ about the straight flight, on the circle, for 0.3 % of the flight time.
 
 Path limits are bounds on the altitude at every energy, l(e) ≤ h (Liu Eqs. 12–14), solved from the
 limits themselves; the drag floor (Eq. 73) is a ceiling (Eq. 60); no-fly zones are linearised (Eq. 72).

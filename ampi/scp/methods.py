@@ -31,12 +31,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ampi.missions.mission import Mission
-from ampi.physics.planet import bearing, great_circle_distance
+from ampi.physics.planet import great_circle_distance
 from ampi.pseudospectral.mesh import Mesh, Phase
 from ampi.scp.adaptive_mesh import LocalErrorAdaptation, global_error
-from ampi.scp.coast import Coast, until_drag, until_level
+from ampi.scp.coast import until_drag, until_level
 from ampi.scp.collocation import Collocation, line_mesh, radau, trapezoid
 from ampi.scp.energy_domain import EnergyDomain
+from ampi.scp.energy_guess import lifted_lines
 from ampi.scp.formulation import Formulation
 from ampi.scp.guess import ConstantBank, constant_bank_guess, default_guess
 from ampi.scp.modified_hp import ModifiedHpSettings, Refined, Round, refine
@@ -282,31 +283,17 @@ def flown(mesh: Mesh) -> Callable[[Mission], Start | None]:
 HANDOVER_DRAG = 0.05  # [X] g₀: above it the energy domain is singular, and no bank angle matters
 SIDE_SHARE = 0.02  # [X] w of `energy_domain`, Eq. (3), in typical costs of the mission per rad
 HALF_WAVE = 22.0 * DEGREE  # [X] Θ of Eq. (3): a weave of ±11° lengthens the path by 0.6 %
-CLEARANCE = 2e3  # m, [X] of the guess above the path limits
 
 
 def over_energy(points: int) -> Callable[[Mission], Start | None]:
-    """The guess over energy: Liu 2015, Remark 6, kept within the altitude bounds.
-
-    Remark 6 draws straight lines over energy. Its altitude lies up to 10 km below the path limits of
-    the X-33, where the drag is four times what it can be, and the first linearised flights do not
-    reach the target. The bounds are known beforehand (Liu Eq. 14), so the altitude is lifted above
-    them, and the great circle to the target is travelled as that altitude implies.
-    """
+    """The guess over energy: Liu 2015, Remark 6, within the altitude bounds (`energy_guess`)."""
 
     def start(mission: Mission) -> Start | None:
         form, level = _energy_domain(mission), until_level(mission)
         if form is None or level is None:
             return None
         tau = np.linspace(0.0, 1.0, points)
-        s = tau * form.energy_range
-        altitude = _guessed_altitude(form, level, s)
-        travelled = form.ground_range(s, altitude)
-        longitude, latitude, azimuth = _great_circle(form, travelled / travelled[-1])
-        slope = np.full(points, -0.1 * DEGREE)
-        states = np.column_stack([altitude, longitude, latitude, slope, azimuth])
-        states = states / form.state_scale
-        states[0] = form.entry
+        states = lifted_lines(form, level, tau * form.energy_range) / form.state_scale
         iterate = Iterate(line_mesh(tau), states, np.zeros((points, 2)), form.energy_range)
         return Start(form, iterate)
 
@@ -320,34 +307,6 @@ def _energy_domain(mission: Mission) -> EnergyDomain | None:
     if coast is None:
         return None
     return EnergyDomain(mission, coast, SIDE_SHARE * typical_cost(mission), HALF_WAVE)
-
-
-def _guessed_altitude(form: EnergyDomain, level: Coast, s: Array) -> Array:
-    """Zero bank until level, a straight line to the target, both within the bounds (n,), m."""
-    flown = form.energy(level.states[0], level.states[3]) - form.first_energy
-    last = form.mission.target.altitude
-    descent = np.interp(s, flown, level.states[0])
-    glide = np.interp(s, [flown[-1], s[-1]], [level.states[0, -1], last])
-    altitude = np.where(s < flown[-1], descent, glide)
-    altitude = np.maximum(altitude, form.altitude_floors(s).max(axis=0) + CLEARANCE)
-    ceiling = form.altitude_ceiling(s)
-    altitude = altitude if ceiling is None else np.minimum(altitude, ceiling)
-    return np.append(altitude[:-1], last)
-
-
-def _great_circle(form: EnergyDomain, share: Array) -> tuple[Array, Array, Array]:
-    """Longitude, latitude and azimuth (n,) at `share` of the way from the handover to the target."""
-    target, first = form.mission.target, form.coast.handover
-    ends = np.array([first[1:3], [target.longitude, target.latitude]])
-    a, b = (np.array([np.cos(q) * np.cos(p), np.cos(q) * np.sin(p), np.sin(q)]) for p, q in ends)
-    angle = np.arccos(a @ b)
-    x, y, z = (
-        np.outer(a, np.sin((1.0 - share) * angle)) + np.outer(b, np.sin(share * angle))
-    ) / np.sin(angle)
-    longitude, latitude = np.unwrap(np.arctan2(y, x)), np.arcsin(z)
-    longitude += 2.0 * np.pi * np.round((ends[0, 0] - longitude[0]) / (2.0 * np.pi))
-    azimuth = bearing(longitude[:-1], latitude[:-1], target.longitude, target.latitude)
-    return longitude, latitude, np.append(azimuth, azimuth[-1])
 
 
 def loose_nodes(solution: Solution, tolerance: float = 1e-3) -> NDArray[np.intp]:
@@ -400,8 +359,9 @@ LIU_2015 = Method(
     ),  # [X] c_θ, c_φ unpublished
     convergence=StateChange((200.0, *(0.05 * DEGREE,) * 4)),  # Section V
     max_iterations=20,
-    # ours: without the curvature along h and ψ the longest flight diverges and the least heat load
-    # takes twice the iterations; that of all states, made convex node by node, is no faster
+    # ours: without the curvature along ψ the CAV-H does not converge in 20 iterations, without that
+    # along h the maximum range diverges; the X-33's other cases need neither. The whole matrix of a
+    # node, its eigenvalues clipped, was tried: twice the iterations
     curved_states=(0, 4),
 )
 
