@@ -647,8 +647,8 @@ def reproduce(
         for name in chosen:
             if name not in PAPERS:
                 raise ValueError(f"paper: expected one of {', '.join(PAPERS)}, got {name!r}")
-        if output is not None and not output.is_dir():
-            raise ValueError(f"--output: expected an existing folder, got {output}")
+        if output is not None:
+            output.mkdir(parents=True, exist_ok=True)
         found = {}
         with progress("papers", len(chosen)) as advance:
             for name in chosen:
