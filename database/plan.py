@@ -58,11 +58,13 @@ def _solving_jobs(
 ) -> None:
     """Add the jobs that solve cases of one layer.
 
-    They are cut into as many portions as an engine with `room` for that many jobs takes at a time, or a
-    multiple of that, but not too fine.
+    Few portions are made a multiple of what an engine with `room` for that many jobs takes at a time, so
+    that all workers end together; but none is cut too fine.
     """
-    rounds = max(1, -(-len(layer) // (room * TOGETHER)))
-    size = max(FEW, -(-len(layer) // (room * rounds)))
+    portions = -(-len(layer) // TOGETHER)
+    if portions < 2 * room:
+        portions = room * -(-portions // room)
+    size = max(FEW, -(-len(layer) // max(1, portions)))
     for k in range(0, len(layer), size):
         portion = layer[k : k + size]
         for planned in portion:

@@ -27,6 +27,14 @@ from database.worker import Began, Kept, Message, Raised, Ready
 
 DEATHS = 3
 LAST_BREATH = 5.0  # s between a worker's end of file and its exit status
+SETTINGS = {
+    "OMP_NUM_THREADS": "1",  # the matrices are small, and the workers are processes
+    "OPENBLAS_NUM_THREADS": "1",
+    # glibc gives arrays of megabytes back to the kernel at once, and gets them again page by page; where
+    # two workers do that they wait for each other, a tenth of their time
+    "MALLOC_MMAP_THRESHOLD_": str(2**30),
+    "MALLOC_TRIM_THRESHOLD_": str(2**30),
+}
 _COMMAND = "from database.worker import main; main()"
 
 
@@ -55,12 +63,11 @@ class Worker:
 
     def __init__(self) -> None:
         paths = [str(Path(p).resolve()) for p in sys.path]
-        one_thread = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"), "1")
         self.process = subprocess.Popen(
             [sys.executable, "-c", _COMMAND],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
-            env={**os.environ, **one_thread, "PYTHONPATH": os.pathsep.join(paths)},
+            env={**os.environ, **SETTINGS, "PYTHONPATH": os.pathsep.join(paths)},
         )
         self.attempt = -1  # under way
 
