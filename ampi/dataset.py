@@ -1,4 +1,4 @@
-"""The trajectory database: HDF5 schema and read-only reader.
+"""The trajectory database: HDF5 schema and read-only reader (database.hdf5_file writes it).
 
     /                      root attributes: schema_version, mission TOML, provenance, content digest
     axis_<parameter>       the parameter axes, dimension scales (SI, rad)
@@ -23,7 +23,7 @@ from __future__ import annotations
 import hashlib
 import os
 import zlib
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import IO, Any
@@ -32,7 +32,6 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
-from ampi.file_sink import FileSink
 from ampi.missions.mission import Mission, parse_mission
 from ampi.trajectory import Statistics, Status, Trajectory
 
@@ -294,100 +293,3 @@ FIELDS: dict[str, Field] = {
         "1", "low- to high-density conversion matrix", ("node", "high_density"), False
     ),
 }
-
-
-Slices = tuple[slice, ...]
-
-
-def write_dataset(
-    path: Path,
-    *,
-    names: tuple[str, ...],
-    axes: tuple[Array, ...],
-    axis_units: tuple[str, ...],
-    scales: Mapping[str, NDArray[Any]],
-    values: Mapping[str, NDArray[Any]],
-    block_shape: tuple[int, ...],
-    blocks: Iterable[tuple[Slices, Mapping[str, NDArray[Any]]]],
-    attributes: Mapping[str, Any],
-) -> None:
-    """Write a database under another name, check it by reading, flush it and rename it to `path`.
-
-    `values` are the fields that belong to no case; `blocks` gives those of the cases, a hyperslab of
-    the grid at a time, always in the same order: the bytes of the file depend on it.
-    """
-    temporary = path.with_name(path.name + ".tmp")
-    try:
-        with FileSink(temporary, "w+") as sink:
-            try:
-                with h5py.File(sink, "w", track_order=False, userblock_size=SEAL_BYTES) as file:
-                    file.attrs.update(attributes)
-                    _write_scales(file, names, axes, axis_units, scales)
-                    for name, field in FIELDS.items():
-                        _create_field(file, name, field, names, block_shape)
-                    for name, value in values.items():
-                        file[name][...] = value
-                    for slices, block in blocks:
-                        sink.check()
-                        for name, value in block.items():
-                            file[name][slices] = value
-                    file["status"].attrs["meanings"] = "; ".join(
-                        f"{int(s)} {s.name}: {s.sentence}" for s in Status
-                    )
-                    file.attrs[DIGEST] = content_digest(file)
-            finally:
-                sink.check()  # before what HDF5 says of it
-        seal(temporary)
-        with h5py.File(temporary, "r") as file:
-            check_whole(file, temporary)  # what cannot be read back never gets the real name
-        temporary.replace(path)
-    except BaseException:
-        temporary.unlink(missing_ok=True)
-        raise
-
-
-def _write_scales(
-    file: h5py.File,
-    names: tuple[str, ...],
-    axes: tuple[Array, ...],
-    axis_units: tuple[str, ...],
-    scales: Mapping[str, NDArray[Any]],
-) -> None:
-    for name, axis, unit in zip(names, axes, axis_units, strict=True):
-        _write_scale(file, f"axis_{name}", axis, name, unit, f"parameter axis: {name}")
-    for name, values in scales.items():
-        _write_scale(file, name, values, name, "1", f"{name} labels")
-
-
-def _write_scale(
-    file: h5py.File, name: str, values: NDArray[Any], label: str, units: str, long_name: str
-) -> None:
-    scale = file.create_dataset(name, data=values, fletcher32=True, chunks=True)
-    scale.make_scale(label)
-    scale.attrs["units"], scale.attrs["long_name"] = units, long_name
-
-
-def _create_field(
-    file: h5py.File,
-    name: str,
-    field: Field,
-    names: tuple[str, ...],
-    block_shape: tuple[int, ...],
-) -> None:
-    parameters = tuple(f"axis_{n}" for n in names) if field.per_case else ()
-    scales = (*parameters, *field.dimensions)
-    shape = tuple(len(file[scale]) for scale in scales)
-    chunks = (*block_shape, *shape[len(parameters) :]) if field.per_case else True
-    dataset = file.create_dataset(
-        name,
-        shape=shape,
-        dtype=field.dtype,
-        chunks=chunks,
-        shuffle=True,
-        compression="gzip",
-        fletcher32=True,
-    )
-    dataset.attrs["units"], dataset.attrs["long_name"] = field.units, field.long_name
-    for i, scale in enumerate(scales):
-        dataset.dims[i].label = scale.removeprefix("axis_")
-        dataset.dims[i].attach_scale(file[scale])

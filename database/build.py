@@ -36,6 +36,7 @@ from database.campaign import TIME_LIMIT, Campaign, Solver, solver_name
 from database.continuation import layers
 from database.engines import ClusterEngine, Engine, LocalEngine
 from database.gains import GainSettings
+from database.hdf5_file import decoded_block
 from database.jobs import JobError
 from database.lock import LockedError, exclusive
 from database.plan import case_name, planned_jobs
@@ -231,15 +232,15 @@ class _Build:
         """What is kept of a case."""
         return load_record(self.campaign.folder, case, self.campaign.mission)
 
-    def block(self, block: Block) -> dict[str, np.ndarray]:
-        """The values of an assembled block."""
-        values = load_block(self.campaign.folder, block.number)
-        if values is None:
+    def block(self, block: Block) -> bytes:
+        """An assembled block."""
+        encoded = load_block(self.campaign.folder, block.number)
+        if encoded is None:
             raise BuildError(
                 f"{block_path(self.campaign.folder, block.number)} has disappeared or changed during "
                 "the build; run the same build again"
             )
-        return values
+        return encoded
 
     def require_nominal(self, case: int) -> CaseRecord:
         """Without a nominal optimum there is nothing to continue from, and nothing to fly."""
@@ -259,6 +260,9 @@ class _Build:
         return record
 
 
+TALLIED = ("status", "iterations", "message", "position_error", "peak")
+
+
 @dataclass(eq=False)
 class _Tally:
     """What the report says, gathered while the blocks pass by."""
@@ -268,13 +272,12 @@ class _Tally:
     worst_position_error: float = float("nan")
     worst_limit: float = float("nan")
 
-    def count(
-        self, run: _Build, parts: list[Block]
-    ) -> Iterator[tuple[Block, dict[str, np.ndarray]]]:
+    def count(self, run: _Build, parts: list[Block]) -> Iterator[tuple[Block, bytes]]:
         """Pass the blocks on, in index order."""
         grid = run.campaign.grid
         for block in parts:
-            values = run.block(block)
+            encoded = run.block(block)
+            values = decoded_block(encoded, block.shape, TALLIED)
             good = values["status"].ravel() == int(Status.SOLVED)
             self.iterations += values["iterations"].ravel()[good].tolist()
             for case, ok, message in zip(
@@ -285,7 +288,7 @@ class _Tally:
                     self.failures.append(f"{grid.describe(case)}: {text}")
             self.worst_position_error = _worst(self.worst_position_error, values["position_error"])
             self.worst_limit = _worst(self.worst_limit, values["peak"])
-            yield block, values
+            yield block, encoded
 
 
 def _worst(before: float, values: np.ndarray) -> float:

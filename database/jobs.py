@@ -35,9 +35,10 @@ from database.attempts import (
     path_to,
     stopped_after,
 )
-from database.blocks import Block, assemble
+from database.blocks import Block, assemble, block_shape
 from database.campaign import Campaign
 from database.continuation import PlannedCase
+from database.hdf5_file import encoded_block
 from database.prediction import predicted
 from database.records import (
     CaseRecord,
@@ -231,7 +232,8 @@ class AssembleBlock:
             records.append(record)
         with stopped_after(self.campaign.time_limit * len(records)):
             values = assemble(mission, self.block, records, self.campaign.gains)
-        save_block(folder, self.block.number, values)
+        encoded = encoded_block(values, block_shape(self.campaign.grid.shape))
+        save_block(folder, self.block.number, encoded)
 
     def without(self, attempt: int) -> Job:
         """There is one way only."""

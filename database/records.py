@@ -3,7 +3,7 @@
     build.json         what the records belong to: mission, solver, version
     mission.toml       the mission itself, so that a case can be examined before the file is whole
     case_000042.rec    one solved or failed case: see `CaseRecord.packed`
-    block_000003.npz   a run of cases in index order, with gains and re-integration, ready to merge
+    block_000003.rec   a run of cases in index order, with gains and re-integration, ready to merge
     lock               held by the process that builds
 
 Every file is written under another name, flushed to disk and renamed: a process that dies at any moment
@@ -16,15 +16,13 @@ from __future__ import annotations
 import json
 import os
 import zlib
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
-from typing import IO, Any
-from zipfile import BadZipFile
+from typing import IO
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ampi.missions.mission import Mission
 from ampi.pseudospectral.mesh import Mesh
@@ -32,7 +30,7 @@ from ampi.trajectory import Statistics, Status, Trajectory
 
 CHECKSUM_BYTES = 4
 DELETERS = 16  # a file that was flushed takes milliseconds to delete; side by side they overlap
-_DAMAGED = (OSError, ValueError, KeyError, EOFError, BadZipFile)
+_DAMAGED = (OSError, ValueError, KeyError)
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,15 +63,12 @@ class CaseRecord:
         }
         parts = [json.dumps(head).encode(), b"\n"]
         parts += [np.ascontiguousarray(values, dtype="<f8").tobytes() for values in arrays.values()]
-        raw = b"".join(parts)
-        return raw + zlib.crc32(raw).to_bytes(CHECKSUM_BYTES, "little")
+        return _sealed(b"".join(parts))
 
     @classmethod
     def unpacked(cls, case: int, raw: bytes, mesh: Mesh) -> CaseRecord:
         """The record in `raw`; ValueError if it is damaged."""
-        body, checksum = raw[:-CHECKSUM_BYTES], raw[-CHECKSUM_BYTES:]
-        if zlib.crc32(body).to_bytes(CHECKSUM_BYTES, "little") != checksum:
-            raise ValueError("a record does not match its checksum")
+        body = _unsealed(raw)
         line, _, _ = body.partition(b"\n")
         head, place = json.loads(line), len(line) + 1
         arrays = {}
@@ -134,19 +129,18 @@ def load_record(folder: Path, case: int, mission: Mission) -> CaseRecord | None:
 
 def block_path(folder: Path, number: int) -> Path:
     """File of one block."""
-    return folder / f"block_{number:06d}.npz"
+    return folder / f"block_{number:06d}.rec"
 
 
-def save_block(folder: Path, number: int, values: dict[str, NDArray[Any]]) -> None:
-    """Keep one block."""
-    keep(block_path(folder, number), lambda file: _write_arrays(file, values))
+def save_block(folder: Path, number: int, encoded: bytes) -> None:
+    """Keep one block (`hdf5_file.encoded_block`)."""
+    keep(block_path(folder, number), lambda file: _write(file, _sealed(encoded)))
 
 
-def load_block(folder: Path, number: int) -> dict[str, NDArray[Any]] | None:
-    """The values of a block, or None if it is absent or damaged (then it is assembled again)."""
+def load_block(folder: Path, number: int) -> bytes | None:
+    """A block, or None if it is absent or damaged (then it is assembled again)."""
     try:
-        with block_path(folder, number).open("rb") as file, np.load(file) as data:
-            return {name: data[name] for name in data.files}
+        return _unsealed(block_path(folder, number).read_bytes())
     except _DAMAGED:
         return None
 
@@ -158,8 +152,15 @@ def write_fingerprint(folder: Path, fingerprint: dict[str, str], toml: str) -> N
     keep(folder / "build.json", lambda file: _write(file, text.encode()))
 
 
-def _write_arrays(file: IO[bytes], values: Mapping[str, NDArray[Any]]) -> None:
-    np.savez(file, **values)  # type: ignore[arg-type]  # no name is one of savez's own
+def _sealed(raw: bytes) -> bytes:
+    return raw + zlib.crc32(raw).to_bytes(CHECKSUM_BYTES, "little")
+
+
+def _unsealed(raw: bytes) -> bytes:
+    body, checksum = raw[:-CHECKSUM_BYTES], raw[-CHECKSUM_BYTES:]
+    if zlib.crc32(body).to_bytes(CHECKSUM_BYTES, "little") != checksum:
+        raise ValueError("a record does not match its checksum")
+    return body
 
 
 def _write(file: IO[bytes], raw: bytes) -> None:

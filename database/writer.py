@@ -9,12 +9,11 @@ from collections.abc import Iterable
 from dataclasses import asdict
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ampi.dataset import SCHEMA_VERSION, write_dataset
+from ampi.dataset import SCHEMA_VERSION
 from ampi.missions.mission import Mission
 from ampi.physics.equations_of_motion import STATES
 from ampi.physics.path_constraints import PATH_CONSTRAINTS
@@ -25,6 +24,7 @@ from database.blocks import Block, block_shape
 from database.campaign import Campaign, solver_name
 from database.gains import GainSettings
 from database.grid import Grid
+from database.hdf5_file import write_dataset
 
 Array = NDArray[np.float64]
 
@@ -54,7 +54,7 @@ def write_database(
     path: Path,
     campaign: Campaign,
     nominal_final_time: float,
-    block_values: Iterable[tuple[Block, dict[str, NDArray[Any]]]],
+    encoded_blocks: Iterable[tuple[Block, bytes]],
 ) -> None:
     """Merge the blocks, in index order, into `path`."""
     mission, grid = campaign.mission, campaign.grid
@@ -80,7 +80,7 @@ def write_database(
             "ld_to_hd": np.ascontiguousarray(conversion),
         },
         block_shape=block_shape(grid.shape),
-        blocks=((block.slices, values) for block, values in block_values),
+        blocks=((block.slices, encoded) for block, encoded in encoded_blocks),
         attributes={
             **provenance(mission, grid, campaign.gains),
             "solver": solver_name(campaign.solver),

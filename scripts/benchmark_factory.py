@@ -102,7 +102,7 @@ def measure(arguments: argparse.Namespace) -> dict[str, Any]:
     return {
         "runner": in_a_process(arguments.points, 6, 2, "stand-in"),
         "real": in_a_process(5, 3, 2, "optimiser"),
-        "parallel": [efficiency(*grid, arguments.repeats) for grid in ((3, 6), (5, 5))],
+        "parallel": [efficiency(*grid, arguments.repeats) for grid in ((3, 6), (5, 5), (5, 6))],
         "machine": f"{os.cpu_count()} cores, Python {platform.python_version()}",
     }
 

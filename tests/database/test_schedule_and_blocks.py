@@ -9,6 +9,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 
+import h5py
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -16,6 +17,7 @@ from hypothesis import strategies as st
 
 from ampi.file_sink import FileSink
 from database.blocks import BLOCK_CASES, blocks
+from database.hdf5_file import _copy_block, decoded_block, encoded_block
 from database.jobs import Job
 from database.schedule import run_jobs
 
@@ -115,3 +117,31 @@ def test_a_sink_takes_everything_and_tells_later(tmp_path: Path) -> None:
             sink.check()
     assert told.value.errno == errno.EFBIG
     assert (tmp_path / "a").stat().st_size <= 1000
+
+
+def test_a_block_at_the_edge_is_copied_as_hdf5_would_write_it(tmp_path: Path) -> None:
+    # Chunks of whole blocks; the last block is smaller, and its chunk is filled up.
+    rng = np.random.default_rng(5)
+    values = {"cost": rng.normal(size=(7,)), "message": rng.integers(0, 9, 7).astype("S1000")}
+    pieces = (slice(0, 3), slice(3, 6), slice(6, 7))
+    path = tmp_path / "chunks.h5"
+    with h5py.File(path, "w") as file:
+        for name, array in values.items():
+            file.create_dataset(
+                name,
+                (7,),
+                array.dtype,
+                chunks=(3,),
+                shuffle=True,
+                compression="gzip",
+                fletcher32=True,
+            )
+        for piece in pieces:
+            part = {name: array[piece] for name, array in values.items()}
+            raw = encoded_block(part, (3,))
+            for name, array in decoded_block(raw, part["cost"].shape, values).items():
+                assert np.array_equal(array, part[name])
+            _copy_block(file, (piece,), raw)
+    with h5py.File(path) as file:
+        for name, array in values.items():
+            assert np.array_equal(file[name][()], array)
