@@ -16,7 +16,7 @@ number of times, and always keeps the same result.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from functools import lru_cache
@@ -27,7 +27,6 @@ from ampi.scp.shortfall import verdict
 from ampi.scp.solve import solve_family
 from ampi.trajectory import Trajectory
 from database.attempts import (
-    Attempt,
     attempts,
     first_start,
     follow,
@@ -93,21 +92,25 @@ class SolveTogether:
         return False
 
     def run(self, announce: Callable[[int], None]) -> None:
-        """All at once; the records are flushed side by side."""
+        """All at once; records are flushed while the others are still being solved."""
         announce(0)
         campaign, began = self.campaign, time.perf_counter()
         solved = lru_cache(maxsize=None)(campaign.solved)  # the portion shares its neighbours
-        starts = {p.case: first_start(campaign.grid, p, solved) for p in self.planned}
-        ready = {case: start for case, start in starts.items() if start is not None}
-        points = [campaign.grid.point(case) for case in ready]
-        missions = [campaign.mission.with_parameters(point) for point in points]
-        with stopped_after(campaign.time_limit * max(1, len(ready))):
-            found = solve_family(missions, [start for _, start in ready.values()])
-        seconds = (time.perf_counter() - began) / max(1, len(ready))
-        keeping = [
-            _keepers().submit(save_record, campaign.folder, record)
-            for record in _records(ready, found, seconds)
+        starts = [(p.case, first_start(campaign.grid, p, solved)) for p in self.planned]
+        ready = [(case, *start) for case, start in starts if start is not None]
+        missions = [
+            campaign.mission.with_parameters(campaign.grid.point(case)) for case, *_ in ready
         ]
+        keeping = []
+
+        def keep(place: int, flown: Trajectory) -> None:
+            case, attempt, _ = ready[place]
+            seconds = (time.perf_counter() - began) / len(ready)
+            record = CaseRecord(case, flown, f"{attempt}: {flown.status.sentence}", 1, seconds)
+            keeping.append(_keepers().submit(save_record, campaign.folder, record))
+
+        with stopped_after(campaign.time_limit * max(1, len(ready))):
+            solve_family(missions, [start for *_, start in ready], solved=keep)
         for kept in keeping:
             kept.result()
 
@@ -123,14 +126,6 @@ class SolveTogether:
 def _keepers() -> ThreadPoolExecutor:
     """Threads that wait for the disk: flushes overlap."""
     return ThreadPoolExecutor(16)
-
-
-def _records(
-    ready: dict[int, tuple[Attempt, Trajectory]], found: list[Trajectory | None], seconds: float
-) -> Iterator[CaseRecord]:
-    for (case, (attempt, _)), flown in zip(ready.items(), found, strict=True):
-        if flown is not None and flown.status.ok:
-            yield CaseRecord(case, flown, f"{attempt}: {flown.status.sentence}", 1, seconds)
 
 
 @dataclass(frozen=True)

@@ -78,7 +78,7 @@ def newton(
     problems: Sequence[OptimalControlProblem],
     guesses: Sequence[NodalGuess],
     settings: SolverSettings | None = None,
-) -> list[Trajectory | None]:
+) -> Iterator[tuple[int, Trajectory]]:
     """Solve problems that differ in entry state and target alone, each from nearby.
 
     Parameters
@@ -90,18 +90,15 @@ def newton(
     settings
         Of `exact_hessian`: its tolerances hold here.
 
-    Returns
-    -------
-    list of Trajectory or None
-        None for a case that is to be left to `exact_hessian`.
+    Yields
+    ------
+    int, Trajectory
+        Place and solution of each case that converges, as soon as it has; the others are to be left to
+        `exact_hessian`.
     """
-    found: list[Trajectory | None] = [None] * len(problems)
     if suits(problems[0]):
         began = time.perf_counter()
-        with np.errstate(all="ignore"):  # a case that diverges is dropped, its company goes on
-            for case, trajectory in _Newton.begin(problems, guesses, settings).run(began):
-                found[case] = trajectory
-    return found
+        yield from _Newton.begin(problems, guesses, settings).run(began)
 
 
 @dataclass(eq=False)
@@ -148,14 +145,16 @@ class _Newton:
         """(number, solution) of every case that converges."""
         everyone, size = len(self.problems), np.full(len(self.problems), np.inf)
         for iteration in range(1, MOST_ITERATIONS + 1):
-            linear, shift = self.linearised()
-            z, multipliers, convex = self.newton_steps(linear, shift)
-            before, size = size, self.sizes(linear, z, shift)
-            good = convex & (size < LARGEST_STEP) & (size < CONTRACTION * before)
-            self.take(linear, z, shift, multipliers)
-            done = good & (size < self.settings.convergence.step)
-            done &= self.restore(linear, done) & self.inside()
-            self.record(iteration, size)
+            # a case that diverges is dropped, its company goes on
+            with np.errstate(all="ignore"):
+                linear, shift = self.linearised()
+                z, multipliers, convex = self.newton_steps(linear, shift)
+                before, size = size, self.sizes(linear, z, shift)
+                good = convex & (size < LARGEST_STEP) & (size < CONTRACTION * before)
+                self.take(linear, z, shift, multipliers)
+                done = good & (size < self.settings.convergence.step)
+                done &= self.restore(linear, done) & self.inside()
+                self.record(iteration, size)
             for case in np.flatnonzero(done):
                 solution = self.trajectory(int(case), (time.perf_counter() - began) / everyone)
                 if solution.status.ok:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Sequence
+from collections.abc import Callable, Hashable, Sequence
 from functools import lru_cache
 
 import numpy as np
@@ -95,6 +95,7 @@ def solve_family(
     missions: Sequence[Mission],
     guesses: Sequence[Trajectory],
     settings: SolverSettings | None = None,
+    solved: Callable[[int, Trajectory], None] | None = None,
 ) -> list[Trajectory | None]:
     """Solve neighbouring missions together, each from a neighbour's solution on the same mesh.
 
@@ -108,6 +109,8 @@ def solve_family(
         One for each, with `target_multipliers`.
     settings
         Its tolerances; those of `solve`.
+    solved
+        Called with place and solution of each mission as soon as there is one.
 
     Returns
     -------
@@ -124,9 +127,10 @@ def solve_family(
     with _blas().limit(limits=1):
         for cases in alike.values():
             starts = [from_trajectory(guesses[c], missions[c]) for c in cases]
-            solutions = newton([problems[c] for c in cases], starts, settings)
-            for case, solution in zip(cases, solutions, strict=True):
-                found[case] = solution
+            for place, solution in newton([problems[c] for c in cases], starts, settings):
+                found[cases[place]] = solution
+                if solved is not None:
+                    solved(cases[place], solution)
     return found
 
 

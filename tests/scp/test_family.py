@@ -239,7 +239,20 @@ def test_a_saddle_is_not_taken(problem: OptimalControlProblem, centre: Trajector
     guess = from_trajectory(centre, load_mission("shefex3"))
     assert guess.target_multipliers is not None
     wrong = replace(guess, target_multipliers=-20.0 * guess.target_multipliers)
-    assert newton([problem], [wrong]) == [None]
+    assert list(newton([problem], [wrong])) == []
+
+
+def test_solutions_are_told_as_they_come(
+    neighbours: list[Mission], centre: Trajectory, together: list[Trajectory]
+) -> None:
+    told: list[tuple[int, Trajectory]] = []
+    found = solve_family(
+        neighbours, [centre] * len(neighbours), solved=lambda k, t: told.append((k, t))
+    )
+    assert sorted(k for k, _ in told) == list(range(len(neighbours)))
+    assert all(found[k] is flown for k, flown in told)
+    iterations = [flown.statistics.iterations for _, flown in told]
+    assert iterations == sorted(iterations)
 
 
 def test_the_front_door_says_what_it_takes(mission: Mission, centre: Trajectory) -> None:
