@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from ampi.report.reproduction import liu2015_case
+from ampi.report.reproduction_liu2015 import liu2015_case
 from ampi.scp.chattering import positive_share, reversals
 from ampi.scp.energy_domain import EnergyDomain
 from ampi.scp.methods import METHODS, Start
