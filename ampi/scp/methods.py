@@ -4,7 +4,7 @@
 |-----------------|-------------|------------------------|--------------|-------------------------------|
 | zhou2021        | time        | trapezoid, adaptive    | relaxed (η)  | global-error convergence      |
 | zhou2021_fixed  | time        | trapezoid, 400 points  | relaxed (η)  | global-error convergence      |
-| liu2015         | energy      | trapezoid, 201 points  | fixed        | cone relaxation, curvature    |
+| liu2015         | energy      | trapezoid, 201 points  | fixed        | cone, curvature, Aitken step  |
 | wang2020_scp    | time        | trapezoid, 201 points  | fixed        | variable penalty (ours)       |
 | wang2020_pscp   | time        | Radau, 1 × 200         | fixed        |                               |
 | wang2020        | time        | Radau, 10 × 20         | fixed        |                               |
@@ -33,6 +33,7 @@ from numpy.typing import NDArray
 from ampi.missions.mission import Mission
 from ampi.physics.planet import great_circle_distance
 from ampi.pseudospectral.mesh import Mesh, Phase
+from ampi.scp.acceleration import AitkenRelaxation
 from ampi.scp.adaptive_mesh import LocalErrorAdaptation, global_error
 from ampi.scp.coast import until_drag, until_level
 from ampi.scp.collocation import Collocation, line_mesh, radau, trapezoid
@@ -92,6 +93,7 @@ class Method:
     limit_margin: float = 0.0
     curved_states: tuple[int, ...] = ()
     penalty: VariableQuadraticPenalty | None = None
+    relaxation: AitkenRelaxation | None = None
     adapt: LocalErrorAdaptation | None = None
     global_error: bool = False  # computed at every iteration
     refinement: ModifiedHpSettings | None = None
@@ -154,6 +156,7 @@ def _assemble(
         convergence=method.convergence,
         max_iterations=method.max_iterations,
         penalty=method.penalty,
+        relaxation=method.relaxation,
         adapt=method.adapt,
         end_error=global_error if method.global_error else None,
         solver=solver,
@@ -281,7 +284,9 @@ def flown(mesh: Mesh) -> Callable[[Mission], Start | None]:
 
 
 HANDOVER_DRAG = 0.05  # [X] g₀: above it the energy domain is singular, and no bank angle matters
-SIDE_SHARE = 0.02  # [X] w of `energy_domain`, Eq. (3), in typical costs of the mission per rad
+# [X] w of `energy_domain`, Eq. (3), in objectives of the guess per rad. Below a half of it nodes of the
+# CAV-H lie inside the circle; with twice as much the minimum heat load takes more iterations
+SIDE_SHARE = 0.01
 HALF_WAVE = 22.0 * DEGREE  # [X] Θ of Eq. (3): a weave of ±11° lengthens the path by 0.6 %
 
 
@@ -295,18 +300,29 @@ def over_energy(points: int) -> Callable[[Mission], Start | None]:
         tau = np.linspace(0.0, 1.0, points)
         states = lifted_lines(form, level, tau * form.energy_range) / form.state_scale
         iterate = Iterate(line_mesh(tau), states, np.zeros((points, 2)), form.energy_range)
-        return Start(form, iterate)
+        side = SIDE_SHARE * (_objective(form, iterate) or typical_cost(mission))
+        return Start(replace(form, side_weight=side), iterate)
 
     return start
 
 
+def _objective(form: EnergyDomain, at: Iterate) -> float:
+    """Size of the mission's objective along a guess; without control, Eq. (3) adds nothing to it."""
+    integrals = (
+        trapezoid(at.mesh).weights(at.final)
+        @ form.linearise(at.mesh, at.states, at.controls, at.final).integrands
+    )
+    return float(np.abs(integrals) @ np.abs([term.weight for term in form.terms]))
+
+
 def _energy_domain(mission: Mission) -> EnergyDomain | None:
+    """With a side weight of one; `over_energy` knows better once it has a guess."""
     planet = mission.flight_model.planet
     gravity = planet.gravitational_parameter / planet.equatorial_radius**2
     coast = until_drag(mission, HANDOVER_DRAG * gravity, 0.0)
     if coast is None:
         return None
-    return EnergyDomain(mission, coast, SIDE_SHARE * typical_cost(mission), HALF_WAVE)
+    return EnergyDomain(mission, coast, 1.0, HALF_WAVE)
 
 
 def loose_nodes(solution: Solution, tolerance: float = 1e-3) -> NDArray[np.intp]:
@@ -363,6 +379,8 @@ LIU_2015 = Method(
     # along h the maximum range diverges; the X-33's other cases need neither. The whole matrix of a
     # node, its eigenvalues clipped, was tried: twice the iterations
     curved_states=(0, 4),
+    # ours: where the minimum heat load climbs once more, the Lagrangian curves downwards along h
+    relaxation=AitkenRelaxation(),
 )
 
 WANG = Method(
