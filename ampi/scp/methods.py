@@ -4,7 +4,7 @@
 |-----------------|-------------|------------------------|--------------|-------------------------------|
 | zhou2021        | time        | trapezoid, adaptive    | relaxed (η)  | global-error convergence      |
 | zhou2021_fixed  | time        | trapezoid, 400 points  | relaxed (η)  | global-error convergence      |
-| liu2015         | energy      | trapezoid, 201 points  | fixed        | cone relaxation, curvature    |
+| liu2015         | energy      | trapezoid, 201 points  | fixed        | cone, curvature, Aitken step  |
 | wang2020_scp    | time        | trapezoid, 201 points  | fixed        | variable penalty (ours)       |
 | wang2020_pscp   | time        | Radau, 1 × 200         | fixed        |                               |
 | wang2020        | time        | Radau, 10 × 20         | fixed        |                               |
@@ -32,16 +32,14 @@ from numpy.typing import NDArray
 
 from ampi.missions.mission import Mission
 from ampi.physics.planet import great_circle_distance
-from ampi.pseudospectral.mesh import Mesh, Phase
+from ampi.pseudospectral.mesh import Mesh
+from ampi.scp.acceleration import AitkenRelaxation
 from ampi.scp.adaptive_mesh import LocalErrorAdaptation, global_error
-from ampi.scp.coast import until_drag, until_level
 from ampi.scp.collocation import Collocation, line_mesh, radau, trapezoid
-from ampi.scp.energy_domain import EnergyDomain
-from ampi.scp.energy_guess import lifted_lines
 from ampi.scp.formulation import Formulation
-from ampi.scp.guess import ConstantBank, constant_bank_guess, default_guess
 from ampi.scp.modified_hp import ModifiedHpSettings, Refined, Round, refine
 from ampi.scp.sparse_subproblem import solve_sparse_subproblem
+from ampi.scp.starts import Start, flown, over_energy, straight_line, typical_cost, uniform
 from ampi.scp.successive import (
     Convergence,
     GlobalErrorChange,
@@ -56,7 +54,6 @@ from ampi.scp.successive import (
     Successive,
     VariableQuadraticPenalty,
 )
-from ampi.scp.time_domain import TimeDomain
 from ampi.trajectory import IterationRecord, Statistics, Status, Trajectory
 
 Array = NDArray[np.float64]
@@ -66,14 +63,6 @@ EARTH_RADIUS = 6378137.0  # m, R₀ of the papers
 CIRCULAR_SPEED = 7905.4  # m/s, √(g₀ R₀)
 TIME_UNIT = 806.81  # s, √(R₀/g₀)
 INFINITE = (np.inf,) * 7
-
-
-@dataclass(frozen=True, eq=False)
-class Start:
-    """A formulation and the iterate that the method begins with."""
-
-    formulation: Formulation
-    iterate: Iterate
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -92,6 +81,7 @@ class Method:
     limit_margin: float = 0.0
     curved_states: tuple[int, ...] = ()
     penalty: VariableQuadraticPenalty | None = None
+    relaxation: AitkenRelaxation | None = None
     adapt: LocalErrorAdaptation | None = None
     global_error: bool = False  # computed at every iteration
     refinement: ModifiedHpSettings | None = None
@@ -154,22 +144,10 @@ def _assemble(
         convergence=method.convergence,
         max_iterations=method.max_iterations,
         penalty=method.penalty,
+        relaxation=method.relaxation,
         adapt=method.adapt,
         end_error=global_error if method.global_error else None,
         solver=solver,
-    )
-
-
-def typical_cost(mission: Mission) -> float:
-    """The size of a mission's objective, from the size of its terms in a glide of half an hour."""
-    o = mission.objective
-    return (
-        abs(o.bank_rate_effort) * 100.0  # (deg/s)² s
-        + abs(o.bank_rate_variation) * 100.0  # deg
-        + abs(o.flight_time) * 1000.0  # s
-        + abs(o.heat_load) * 500.0  # MJ/m²
-        + abs(o.ground_range) * 1e4  # km
-        + abs(o.descent_rate) * 1e4  # m
     )
 
 
@@ -238,85 +216,9 @@ def _status(mission: Mission, ended: str, flight: Trajectory, excess: float) -> 
     return Status.REFINEMENT_LIMIT if ended == "cap" else Status.SOLVED
 
 
-def straight_line(points: int, flight_time: float) -> Callable[[Mission], Start | None]:
-    """Zhou 2021, Section 4.1: the descent flown until level, then straight lines to the target."""
-
-    def start(mission: Mission) -> Start | None:
-        coast = until_level(mission)
-        if coast is None:
-            return None
-        form = TimeDomain.from_mission(mission, coast)
-        target, tau = mission.target, np.linspace(0.0, 1.0, points)
-        first = np.append(coast.handover, 0.0)
-        angles = [a if a is None else 0.5 * (a[0] + a[1]) for a in _final_angles(mission)]
-        last = np.array([target.altitude, target.longitude, target.latitude, target.speed, 0, 0, 0])
-        last[4] = first[4] if angles[0] is None else angles[0]
-        last[5] = first[5] if angles[1] is None else angles[1]
-        states = (first + (last - first) * tau[:, None]) / form.state_scale
-        iterate = Iterate(line_mesh(tau), states, np.zeros((points, 1)), flight_time)
-        return Start(form, iterate)
-
-    return start
-
-
-def _final_angles(mission: Mission) -> tuple[tuple[float, float] | None, ...]:
-    return mission.target.flight_path_angle, mission.target.azimuth
-
-
-def flown(mesh: Mesh) -> Callable[[Mission], Start | None]:
-    """Wang 2020, Step 1: the equations of motion flown with a control profile, a constant bank."""
-
-    def start(mission: Mission) -> Start | None:
-        guess = default_guess(mission)
-        if not isinstance(guess, ConstantBank):
-            return None
-        form = TimeDomain.from_mission(mission)
-        nodal = constant_bank_guess(mission.with_mesh(mesh), guess)
-        if nodal is None:
-            return None
-        states = nodal.states / form.state_scale
-        return Start(form, Iterate(mesh, states, np.zeros((len(states), 1)), nodal.final_time))
-
-    return start
-
-
-HANDOVER_DRAG = 0.05  # [X] g₀: above it the energy domain is singular, and no bank angle matters
-SIDE_SHARE = 0.02  # [X] w of `energy_domain`, Eq. (3), in typical costs of the mission per rad
-HALF_WAVE = 22.0 * DEGREE  # [X] Θ of Eq. (3): a weave of ±11° lengthens the path by 0.6 %
-
-
-def over_energy(points: int) -> Callable[[Mission], Start | None]:
-    """The guess over energy: Liu 2015, Remark 6, within the altitude bounds (`energy_guess`)."""
-
-    def start(mission: Mission) -> Start | None:
-        form, level = _energy_domain(mission), until_level(mission)
-        if form is None or level is None:
-            return None
-        tau = np.linspace(0.0, 1.0, points)
-        states = lifted_lines(form, level, tau * form.energy_range) / form.state_scale
-        iterate = Iterate(line_mesh(tau), states, np.zeros((points, 2)), form.energy_range)
-        return Start(form, iterate)
-
-    return start
-
-
-def _energy_domain(mission: Mission) -> EnergyDomain | None:
-    planet = mission.flight_model.planet
-    gravity = planet.gravitational_parameter / planet.equatorial_radius**2
-    coast = until_drag(mission, HANDOVER_DRAG * gravity, 0.0)
-    if coast is None:
-        return None
-    return EnergyDomain(mission, coast, SIDE_SHARE * typical_cost(mission), HALF_WAVE)
-
-
 def loose_nodes(solution: Solution, tolerance: float = 1e-3) -> NDArray[np.intp]:
     """Nodes where u₁² + u₂² < 1: where the relaxation of Liu 2015, Eq. (49), is not tight."""
     return np.flatnonzero(np.sum(solution.iterate.controls**2, axis=1) < 1.0 - tolerance)
-
-
-def uniform(segments: int, degree: int) -> Mesh:
-    """hp mesh of equal segments."""
-    return Mesh((Phase((degree,) * segments),))
 
 
 ZHOU = Method(
@@ -363,6 +265,8 @@ LIU_2015 = Method(
     # along h the maximum range diverges; the X-33's other cases need neither. The whole matrix of a
     # node, its eigenvalues clipped, was tried: twice the iterations
     curved_states=(0, 4),
+    # ours: where the minimum heat load climbs once more, the Lagrangian curves downwards along h
+    relaxation=AitkenRelaxation(),
 )
 
 WANG = Method(

@@ -5,10 +5,12 @@
         convex subproblem under a trust region          Zhou Eq. 38, Liu Eqs. 64–69, Wang P1
         take the whole step
         adapt the mesh, where the method does           Zhou Section 3.2
+        or linearise further on, where it relaxes       `acceleration` (ours)
     until the convergence condition holds               Zhou Eqs. 43 or 44, Liu Eq. 70, Wang Eq. 36
 
 There is no merit function and no rejected step. What the methods differ in are the named parts of
-`Method`: formulation, transcription, mesh, trust region, penalty, convergence test, refinement.
+`Method`: formulation, transcription, mesh, trust region, penalty, relaxation, convergence test,
+refinement.
 """
 
 from __future__ import annotations
@@ -22,6 +24,7 @@ from numpy.typing import NDArray
 from scipy import sparse
 
 from ampi.pseudospectral.mesh import Mesh
+from ampi.scp.acceleration import AitkenRelaxation
 from ampi.scp.collocation import Collocation
 from ampi.scp.formulation import Formulation, Linearisation, TermKind
 from ampi.scp.sparse_subproblem import (
@@ -346,6 +349,7 @@ class Successive:
     convergence: Convergence
     max_iterations: int
     penalty: VariableQuadraticPenalty | None = None
+    relaxation: AitkenRelaxation | None = None  # on a mesh that does not change
     adapt: Adaptation | None = None
     end_error: EndError | None = None
     solver: Solver = solve_sparse_subproblem
@@ -357,6 +361,7 @@ class Successive:
         status = "iteration limit"
         quadratic = 0.0 if self.penalty is None else self.penalty.initial
         costs, multipliers = [self.linearised.cost(rule, at)], None
+        last, length = None, 1.0
         for iteration in range(1, self.max_iterations + 1):
             problem = self.linearised.subproblem(rule, at, quadratic, multipliers)
             built = time.perf_counter()
@@ -396,11 +401,22 @@ class Successive:
                 break
             if self.penalty is not None:
                 quadratic = self.penalty.update(quadratic, costs)
+            if self.relaxation is not None and iteration < self.max_iterations:
+                in_radii = step.states / problem.trust_radius
+                length = self.relaxation.length(in_radii, last, length)
+                last, at = in_radii, _further(at, step, length, form)
             if self.adapt is not None and iteration < self.max_iterations:
                 adapted = self.adapt(form, at)
                 if adapted is not at:
                     at, rule = adapted, self.transcribe(adapted.mesh)
         return Run(at, status, tuple(log))
+
+
+def _further(at: Iterate, step: SparseStep, length: float, form: Formulation) -> Iterate:
+    """`length` of a step of which one was taken; the controls, which may be on their cone, stay."""
+    more = length - 1.0
+    final = at.final + more * step.final * form.final_scale
+    return Iterate(at.mesh, at.states + more * step.states, at.controls, final)
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 from ampi.report.reproduction_liu2015 import liu2015_case
 from ampi.scp.chattering import positive_share, reversals
 from ampi.scp.energy_domain import EnergyDomain
-from ampi.scp.methods import METHODS, Start
+from ampi.scp.methods import METHODS
+from ampi.scp.starts import Start
 
 Array = NDArray[np.float64]
 

@@ -21,7 +21,8 @@ from ampi.missions.mission import ENTRY_STATES
 from ampi.physics.equations_of_motion import equations_of_motion
 from ampi.physics.path_constraints import path_constraints
 from ampi.pseudospectral.mesh import Mesh
-from ampi.scp.methods import METHODS, Solution, Start, solve_by, straight_line
+from ampi.scp.methods import METHODS, Solution, solve_by
+from ampi.scp.starts import Start, straight_line
 from ampi.scp.successive import Iterate, StateChange, StateTrustRegion
 from ampi.trajectory import Status
 
