@@ -309,7 +309,7 @@ def build(mission: Mission, n_jobs: int, sample: int = 12) -> dict[str, Any]:
                 for p in layer
             )
             points.update({p.case: s for p, s in zip(layer, solved, strict=True)})
-    seconds = time.perf_counter() - began
+    seconds = nominal.seconds + time.perf_counter() - began  # ours solves the nominal case, too
     return {
         "barrier": barrier,
         "sample_median_seconds": medians,

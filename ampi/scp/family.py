@@ -8,7 +8,7 @@ method on the condensed problem, the same for every case, and here it runs for a
         δx = Z z + c                                       linearised dynamics; c from R (condensing)
         H = Zᵀ ∇²L Z                                        (condensing, Eq. (4))
         [ H   Cᵀ          ] [z]     [ g + Zᵀ ∇²L c ]
-        [ C  −diag(1/2w)  ] [λ] = − [ e + c_f      ]       1/2w is 0 where a target is met exactly
+        [ C  −diag(1/2w)  ] [λ] = − [ e + c_f      ]       (1); 1/2w is 0 where a target is met exactly
     until the step is small, then restore R = 0
 
 An iterate need not fly before the end: with the term in c this is Newton's method on states, control and
@@ -28,7 +28,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg.lapack import dpotrf
+from scipy.linalg.lapack import dpotrf, dpotrs
 
 from ampi.scp.condensing import Iterate
 from ampi.scp.convergence import verdict
@@ -49,6 +49,7 @@ from ampi.trajectory import IterationRecord, Statistics, Status, Trajectory
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
+Cases = NDArray[np.intp]
 
 LARGEST_STEP = 0.3  # rad: what is farther away is no neighbour
 CONTRACTION = 0.5  # of the step from one iteration to the next, at least
@@ -148,9 +149,9 @@ class _Newton:
             # a case that diverges is dropped, its company goes on
             with np.errstate(all="ignore"):
                 linear, shift = self.linearised()
-                z, multipliers, convex = self.newton_steps(linear, shift)
+                z, multipliers = self.newton_steps(linear, shift)
                 before, size = size, self.sizes(linear, z, shift)
-                good = convex & (size < LARGEST_STEP) & (size < CONTRACTION * before)
+                good = (size < LARGEST_STEP) & (size < CONTRACTION * before)
                 self.take(linear, z, shift, multipliers)
                 done = good & (size < self.settings.convergence.step)
                 done &= self.restore(linear, done) & self.inside()
@@ -175,42 +176,43 @@ class _Newton:
         """That of all cases."""
         return radau_transcription(self.problem.mesh)
 
-    def nodal(self, first: int = 0) -> tuple[Array, Array, Array]:
-        """x (7, points), û and t (1, points) at the nodes from `first` on, by case."""
-        t = self.transcription
-        count = len(t.entry_rate)
-        entry = self.u[:, None, :count] @ t.entry_rate[:, None]
-        rate = np.concatenate([entry[:, 0], self.u], axis=1)
-        times = t.node_fixed + t.node_free * self.final_time[:, None]
-        x = self.x[:, :, first:].reshape(N_STATES, -1)
+    @property
+    def everyone(self) -> Cases:
+        """All cases under way."""
+        return np.arange(len(self.problems))
+
+    def nodal(self, cases: Cases, first: int = 0) -> tuple[Array, Array, Array]:
+        """x (7, points), û and t (1, points) at the nodes from `first` on, case by case."""
+        t, u = self.transcription, self.u[cases]
+        entry = u[:, None, : len(t.entry_rate)] @ t.entry_rate[:, None]
+        rate = np.concatenate([entry[:, 0], u], axis=1)
+        times = t.node_fixed + t.node_free * self.final_time[cases, None]
+        x = self.x[:, cases, first:].reshape(N_STATES, -1)
         return x, rate[:, first:].reshape(1, -1), times[:, first:].reshape(1, -1)
 
     def linearised(self) -> tuple[CondensedFamily, Array]:
         """Z at the current points, and c (c, n − 1, 7)."""
         dynamics = family_dynamics(self.problem)
-        derivatives = dynamics.first(*self.nodal())
+        derivatives = dynamics.first(*self.nodal(self.everyone))
         linear = condense_family(
             self.problem, self.transcription, dynamics, derivatives, self.final_time
         )
-        return linear, linear.correction(self.residual(derivatives[0].reshape(self.x.shape)))
+        residual = self.residual(derivatives[0].reshape(self.x.shape), self.everyone)
+        return linear, linear.correction(residual, self.everyone)
 
-    def newton_steps(self, linear: CondensedFamily, shift: Array) -> tuple[Array, Array, Flags]:
-        """z (c, n_z), λ (c, m), and whether the Hessian is positive definite under the target."""
+    def newton_steps(self, linear: CondensedFamily, shift: Array) -> tuple[Array, Array]:
+        """z (c, n_z) and λ (c, m); not a number where the Hessian is not positive definite."""
         target = self.problem.target
         rows = linear.final_map[:, target.state]
         gradient, hessian = self.model(linear, shift)
         error = self.errors() + shift[:, -1, target.state]
-        size, count = gradient.shape[1], len(target)
-        give = np.zeros(count)  # 1/2w
+        give = np.zeros(len(target))  # 1/2w
         np.divide(0.5, target.weight, out=give, where=target.weight > 0.0)
-        system = np.zeros((len(rows), size + count, size + count))
-        system[:, :size, :size] = hessian
-        system[:, size:, :size] = rows
-        system[:, :size, size:] = rows.transpose(0, 2, 1)
-        system[:, range(size, size + count), range(size, size + count)] = -give
-        solution = _solutions(system, -np.concatenate([gradient, error], axis=1))
-        convex = [_is_convex(h, r, give) for h, r in zip(hessian, rows, strict=True)]
-        return solution[:, :size], solution[:, size:], np.array(convex, dtype=bool)
+        z, multipliers = np.full_like(gradient, np.nan), np.full_like(error, np.nan)
+        for case, system in enumerate(zip(hessian, rows, gradient, error, strict=True)):
+            with suppress(np.linalg.LinAlgError):
+                z[case], multipliers[case] = _kkt_solution(*system, give)
+        return z, multipliers
 
     def model(self, linear: CondensedFamily, shift: Array) -> tuple[Array, Array]:
         """Hessian (c, n_z, n_z) of the Lagrangian; gradient (c, n_z), without the target's, after c."""
@@ -234,7 +236,7 @@ class _Newton:
     def curvature(self, weights: Array) -> Entries:
         """Second derivatives of Σ weights f over (x, t) at the collocation points; (7, c, n − 1)."""
         second = family_dynamics(self.problem).second
-        found = second(*self.nodal(first=1), weights.reshape(N_STATES, -1))[0]
+        found = second(*self.nodal(self.everyone, first=1), weights.reshape(N_STATES, -1))[0]
         return {
             entry: row.reshape(self.u.shape)
             for entry, row in zip(second.nonzeros[0], found, strict=True)
@@ -256,31 +258,30 @@ class _Newton:
 
     def restore(self, linear: CondensedFamily, chosen: Flags) -> Flags:
         """Solve R = 0 of the `chosen` at fixed control by chord steps; which have converged (c,)."""
-        settings = self.settings.restoration
-        values = family_dynamics(self.problem).values
-        open_, before = chosen.copy(), np.full(len(self.problems), np.inf)
+        settings, values = self.settings.restoration, family_dynamics(self.problem).values
         converged = np.zeros_like(chosen)
-        if not chosen.any():
-            return converged
+        open_ = np.flatnonzero(chosen)
+        before = np.full(len(open_), np.inf)
         for _ in range(settings.corrections):
-            f, g = (v.reshape(-1, *self.x.shape[1:]) for v in values(*self.nodal()))
-            change = linear.correction(self.residual(f))
-            size = np.abs(change).max(axis=(1, 2))
-            self.x[:, open_, 1:] += change.transpose(2, 0, 1)[:, open_]
-            self.path[:, open_] = g[: self.problem.n_limits, open_]
-            converged |= open_ & (_left(size, before) < settings.tolerance)
-            open_ &= ~converged & (size < 2.0 * before)
-            before = size
-            if not open_.any():
+            if not len(open_):
                 break
+            f, g = (v.reshape(-1, len(open_), self.x.shape[2]) for v in values(*self.nodal(open_)))
+            change = linear.correction(self.residual(f, open_), open_)
+            self.x[:, open_, 1:] += change.transpose(2, 0, 1)
+            self.path[:, open_] = g[: self.problem.n_limits]
+            size = np.abs(change).max(axis=(1, 2))
+            there = _left(size, before) < settings.tolerance
+            converged[open_[there]] = True
+            going = ~there & (size < 2.0 * before)
+            open_, before = open_[going], size[going]
         return converged
 
-    def residual(self, rates: Array) -> Array:
-        """R (c, n − 1, 7) with f (7, c, n)."""
+    def residual(self, rates: Array, cases: Cases) -> Array:
+        """R (c, n − 1, 7) of `cases` with f (7, c, n)."""
         t = self.transcription
-        half = t.half_fixed + t.half_free * self.final_time[:, None]
+        half = t.half_fixed + t.half_free * self.final_time[cases, None]
         found = -(half * rates[:, :, 1:]).transpose(1, 2, 0)
-        x = self.x.transpose(1, 2, 0)
+        x = self.x[:, cases].transpose(1, 2, 0)
         for s in t.mesh.segments:
             found[:, s.collocation] += s.rule.derivative @ x[:, s.nodes]
         return found
@@ -292,7 +293,7 @@ class _Newton:
 
     def inside(self) -> Flags:
         """Whether every limit is kept at every node (c,)."""
-        problem, rate = self.problem, self.nodal()[1].reshape(len(self.problems), -1)
+        problem, rate = self.problem, self.nodal(self.everyone)[1].reshape(len(self.problems), -1)
         kept = np.abs(self.x[BANK]).max(axis=1) < problem.bank_limit
         kept &= np.abs(rate).max(axis=1) < 1.0
         return np.asarray(kept & (self.path.max(axis=(0, 2)) < 1.0))
@@ -360,23 +361,28 @@ class _Newton:
         )
 
 
-def _solutions(systems: Array, right: Array) -> Array:
-    """Of c linear systems (c, k, k), (c, k); not a number where one is singular."""
-    found = np.full_like(right, np.nan)
-    for case, (system, side) in enumerate(zip(systems, right, strict=True)):
-        with suppress(np.linalg.LinAlgError):
-            found[case] = np.linalg.solve(system, side)
-    return found
+def _kkt_solution(
+    hessian: Array, rows: Array, gradient: Array, error: Array, give: Array
+) -> tuple[Array, Array]:
+    """z and λ of one case, Eq. (1); LinAlgError unless H is positive definite under the target.
 
+    With some of the target's stiffness, S = H + Cᵀ s C = L Lᵀ and B = I − s/2w, Eq. (1) is
 
-def _is_convex(hessian: Array, rows: Array, give: Array) -> bool:
-    """Whether H is positive definite under the target: with its stiffness, or enough of it."""
+        (C S⁻¹ Cᵀ B + 1/2w) λ = e − C S⁻¹ (g + Cᵀ s e),   z = −S⁻¹ (g + Cᵀ s e + Cᵀ B λ),
+
+    and one Cholesky factor is both the solution and the test.
+    """
     norms = np.einsum("ij,ij->i", rows, rows)
-    stiff = STIFF * float(np.linalg.norm(hessian)) / norms
     with np.errstate(divide="ignore"):
-        stiff = np.minimum(stiff, 1.0 / give)
-    whole = hessian + (rows.T * stiff) @ rows
-    return bool(np.all(np.isfinite(whole)) and dpotrf(whole, lower=1)[1] == 0)
+        stiff = np.minimum(STIFF * float(np.linalg.norm(hessian)) / norms, 1.0 / give)
+    weighted = rows.T * stiff
+    factor, info = dpotrf(hessian + weighted @ rows, lower=1)
+    if info != 0:
+        raise np.linalg.LinAlgError("the Hessian is not positive definite under the target")
+    half = dpotrs(factor, np.column_stack([gradient + weighted @ error, rows.T]), lower=1)[0]
+    reduced, left = rows @ half, 1.0 - stiff * give
+    multipliers = np.linalg.solve(reduced[:, 1:] * left + np.diag(give), error - reduced[:, 0])
+    return -half[:, 0] - half[:, 1:] @ (left * multipliers), multipliers
 
 
 def _left(size: Array, before: Array) -> Array:

@@ -94,27 +94,27 @@ class CondensedFamily:
         found[LONGITUDE, :, 1:] = turned[:, :, 0]
         return found
 
-    def correction(self, residual: Array) -> Array:
-        """Change (c, n − 1, 7) at fixed entry state, u and t_f that cancels `residual` (likewise)."""
+    def correction(self, residual: Array, cases: NDArray[np.intp]) -> Array:
+        """Change (c, n − 1, 7) at fixed entry state, u and t_f that cancels `residual` of `cases`."""
         integration = self.transcription.integration
         change = np.empty_like(residual)
         change[:, :, BANK] = -_integrated(integration, residual[:, :, BANK])
         right = -residual[:, :, CORE]
         for i, state in enumerate(CORE):
             if (state, BANK) in self.stretched:
-                right[:, :, i] += self.stretched[state, BANK] * change[:, :, BANK]
+                right[:, :, i] += self.stretched[state, BANK][cases] * change[:, :, BANK]
         start = np.zeros((len(right), N_CORE))
         for s, factors in zip(self.transcription.mesh.segments, self.factors, strict=True):
             here = right[:, s.collocation] - s.rule.derivative[:, :1] * start[:, None]
-            for case, (lu, pivots) in enumerate(factors):
-                solution = dgetrs(lu, pivots, here[case].ravel())[0]
-                right[case, s.collocation] = solution.reshape(-1, N_CORE)
+            for k, case in enumerate(cases):
+                solution = dgetrs(*factors[case], here[k].ravel())[0]
+                right[k, s.collocation] = solution.reshape(-1, N_CORE)
             start = right[:, s.collocation.stop - 1]
         change[:, :, CORE] = right
         along = -residual[:, :, LONGITUDE]
         for state in MOVING:
             if (LONGITUDE, state) in self.stretched:
-                along = along + self.stretched[LONGITUDE, state] * change[:, :, state]
+                along = along + self.stretched[LONGITUDE, state][cases] * change[:, :, state]
         change[:, :, LONGITUDE] = _integrated(integration, along)
         return change
 

@@ -199,7 +199,8 @@ def test_corrections_are_those_of_condensing(pair: Pair) -> None:
     residual = np.random.default_rng(6).normal(size=(2, family.half.shape[1], 7))
     for case in range(2):
         single = linearised.condensed.correction(residual[case], np.zeros(7))
-        close(family.correction(residual)[case], single[1:])
+        close(family.correction(residual, np.arange(2))[case], single[1:])
+        close(family.correction(residual[[case]], np.array([case]))[0], single[1:])
 
 
 def test_multipliers_and_hessian_are_those_of_condensing(pair: Pair) -> None:
