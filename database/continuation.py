@@ -27,20 +27,27 @@ def layers(grid: Grid) -> list[list[PlannedCase]]:
     index = np.stack(np.unravel_index(np.arange(grid.size), grid.shape), axis=1)
     offset = index - np.array(grid.centre)
     distance = np.abs(offset).sum(axis=1)
+    lengths, jumps = _steps_to_the_centre(grid, offset)
     plan: list[list[PlannedCase]] = []
     for layer in range(int(distance.max()) + 1):
-        cases = np.flatnonzero(distance == layer)
-        plan.append([PlannedCase(int(c), _neighbours(grid, index[c], offset[c])) for c in cases])
+        cases = np.flatnonzero(distance == layer).tolist()
+        plan.append([PlannedCase(c, _neighbours(c, lengths[c], jumps[c])) for c in cases])
     return plan
 
 
-def _neighbours(grid: Grid, index: np.ndarray, offset: np.ndarray) -> tuple[int, ...]:
+def _steps_to_the_centre(
+    grid: Grid, offset: np.ndarray
+) -> tuple[list[list[float]], list[list[int]]]:
+    """By case and axis: how long the step towards the centre is, and how far in case numbers."""
+    strides = np.cumprod([1, *grid.shape[:0:-1]])[::-1]  # C order
+    lengths = np.zeros(offset.shape)
+    for i, (axis, centre) in enumerate(zip(grid.axes, grid.centre, strict=True)):
+        at = offset[:, i] + centre
+        lengths[:, i] = np.abs(axis[at] - axis[at - np.sign(offset[:, i])]) / np.ptp(axis)
+    return lengths.tolist(), (np.sign(offset) * strides).tolist()
+
+
+def _neighbours(case: int, lengths: list[float], jumps: list[int]) -> tuple[int, ...]:
     """One step towards the centre along each displaced axis: the shortest step first."""
-    found: list[tuple[float, int]] = []
-    for axis in np.flatnonzero(offset):
-        towards = index.copy()
-        towards[axis] -= np.sign(offset[axis])
-        width = grid.axes[axis][-1] - grid.axes[axis][0]
-        step = abs(grid.axes[axis][index[axis]] - grid.axes[axis][towards[axis]]) / width
-        found.append((float(step), int(np.ravel_multi_index(tuple(towards), grid.shape))))
-    return tuple(case for _, case in sorted(found))
+    found = [(step, case - jump) for step, jump in zip(lengths, jumps, strict=True) if jump]
+    return tuple(neighbour for _, neighbour in sorted(found))
