@@ -82,7 +82,7 @@ def _flight_models(toml: str) -> int:
     return count
 
 
-@lru_cache(maxsize=4096)  # a record never changes once it is kept; 10 kB each
+@lru_cache(maxsize=20000)  # a record never changes once it is kept; 6 kB each
 def _kept_trajectory(path: Path, stamp: int, campaign: Campaign, case: int) -> Trajectory | None:
     record = load_record(campaign.folder, case, campaign.mission)
     return None if record is None or not record.trajectory.status.ok else record.trajectory

@@ -27,7 +27,7 @@ def layers(grid: Grid) -> list[list[PlannedCase]]:
     index = np.stack(np.unravel_index(np.arange(grid.size), grid.shape), axis=1)
     offset = index - np.array(grid.centre)
     distance = np.abs(offset).sum(axis=1)
-    lengths, jumps = _steps_to_the_centre(grid, offset)
+    lengths, jumps = (steps.tolist() for steps in _steps_to_the_centre(grid, offset))
     plan: list[list[PlannedCase]] = []
     for layer in range(int(distance.max()) + 1):
         cases = np.flatnonzero(distance == layer).tolist()
@@ -35,16 +35,14 @@ def layers(grid: Grid) -> list[list[PlannedCase]]:
     return plan
 
 
-def _steps_to_the_centre(
-    grid: Grid, offset: np.ndarray
-) -> tuple[list[list[float]], list[list[int]]]:
+def _steps_to_the_centre(grid: Grid, offset: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """By case and axis: how long the step towards the centre is, and how far in case numbers."""
     strides = np.cumprod([1, *grid.shape[:0:-1]])[::-1]  # C order
     lengths = np.zeros(offset.shape)
     for i, (axis, centre) in enumerate(zip(grid.axes, grid.centre, strict=True)):
         at = offset[:, i] + centre
         lengths[:, i] = np.abs(axis[at] - axis[at - np.sign(offset[:, i])]) / np.ptp(axis)
-    return lengths.tolist(), (np.sign(offset) * strides).tolist()
+    return lengths, np.sign(offset) * strides
 
 
 def _neighbours(case: int, lengths: list[float], jumps: list[int]) -> tuple[int, ...]:
