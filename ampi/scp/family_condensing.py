@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from scipy.linalg.lapack import dgetrf, dgetrs
 
 from ampi.physics.equations_of_motion import FlightModel
+from ampi.pseudospectral.mesh import Segment
 from ampi.scp.derivatives import trace
 from ampi.scp.node_functions import NodeFunctions
 from ampi.scp.problem import BANK, CORE, LONGITUDE, N_CORE, N_STATES, OptimalControlProblem
@@ -222,21 +223,7 @@ def condense_family(
         rows = s.collocation
         after = slice(rows.start + 1, rows.stop + 1)
         factored = _factored(derivative, stretched, rows, cases)
-        by_bank = np.zeros((cases, s.rule.degree, N_CORE))
-        for i, state in enumerate(CORE):
-            if (state, BANK) in stretched:
-                by_bank[:, :, i] = stretched[state, BANK][:, rows]
-        # by columns: start of the core, start of the bank angle, δu of this segment, δt_f
-        right = np.zeros((cases, N_CORE + 1 + s.rule.degree + 1, s.rule.degree, N_CORE))
-        for i in range(N_CORE):
-            right[:, i, :, i] = -s.rule.derivative[:, 0]
-        right[:, N_CORE] = by_bank
-        right[:, N_CORE + 1 : -1] = (
-            bank[:, after, rows].transpose(0, 2, 1)[..., None] * by_bank[:, None]
-        )
-        inside = bank[:, after, -2] - bank[:, rows.start, -2, None]
-        core_by_time = by_time[list(CORE)][:, :, rows].transpose(1, 2, 0)
-        right[:, -1] = core_by_time + inside[..., None] * by_bank
+        right = _right_sides(s, stretched, bank, by_time)
         solved = right.reshape(cases, right.shape[1], -1)
         for case, factor in enumerate(factored):
             solved[case] = dgetrs(*factor, solved[case].T, overwrite_b=1)[0].T
@@ -254,6 +241,28 @@ def condense_family(
     return CondensedFamily(
         problem, t, half, stretched, time_derivative, tuple(factors), moving, along
     )
+
+
+def _right_sides(s: Segment, stretched: Entries, bank: Array, by_time: Array) -> Array:
+    """Right sides of condensing's Eq. (2) on a segment, by columns: (c, columns, degree, 5).
+
+    The columns: start of the core, start of the bank angle, δu of this segment, δt_f.
+    """
+    cases, count, rows = len(bank), s.rule.degree, s.collocation
+    after = slice(rows.start + 1, rows.stop + 1)
+    by_bank = np.zeros((cases, count, N_CORE))
+    for i, state in enumerate(CORE):
+        if (state, BANK) in stretched:
+            by_bank[:, :, i] = stretched[state, BANK][:, rows]
+    right = np.zeros((cases, N_CORE + 1 + count + 1, count, N_CORE))
+    for i in range(N_CORE):
+        right[:, i, :, i] = -s.rule.derivative[:, 0]
+    right[:, N_CORE] = by_bank
+    inside = bank[:, after] - bank[:, rows.start, None]
+    right[:, N_CORE + 1 : -1] = inside[:, :, rows].transpose(0, 2, 1)[..., None] * by_bank[:, None]
+    right[:, -1] = by_time[list(CORE)][:, :, rows].transpose(1, 2, 0)
+    right[:, -1] += inside[:, :, -2, None] * by_bank
+    return right
 
 
 def _factored(
