@@ -46,7 +46,7 @@ class CaseRecord:
     def packed(self) -> bytes:
         """One line of JSON, the arrays it names one after the other as f8, a CRC-32 of all that.
 
-        numpy's own formats take ten times as long to read, as much as it takes to solve a case.
+        An .npz takes ten times as long to read, a quarter of a millisecond, and portions read hundreds.
         """
         t = self.trajectory
         arrays = {"states": t.states, "bank_rate": t.bank_rate}

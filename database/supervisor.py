@@ -30,8 +30,8 @@ LAST_BREATH = 5.0  # s between a worker's end of file and its exit status
 SETTINGS = {
     "OMP_NUM_THREADS": "1",  # the matrices are small, and the workers are processes
     "OPENBLAS_NUM_THREADS": "1",
-    # glibc gives arrays of megabytes back to the kernel at once, and gets them again page by page; where
-    # two workers do that they wait for each other, a tenth of their time
+    # glibc gives arrays of megabytes back to the kernel at once, and gets them again page by page; two
+    # workers that both do so hold each other up, some per cent of a build
     "MALLOC_MMAP_THRESHOLD_": str(2**30),
     "MALLOC_TRIM_THRESHOLD_": str(2**30),
 }
