@@ -7,7 +7,8 @@ are read between the nodes, where the optimiser has not looked.
 
 Many trajectories on one mesh are integrated together, vectorised over cases. The step size follows
 the root-mean-square error over the batch, so the relative tolerance is set a decade tighter than what
-is claimed for each case.
+is meant for each case. That leaves the integrator millimetres off after the ten minutes of SHEFEX-3, a
+thousandth of what it finds; more digits would cost time and tell nobody anything.
 """
 
 from __future__ import annotations
@@ -30,8 +31,8 @@ from ampi.trajectory import Trajectory
 
 Array = NDArray[np.float64]
 
-CLAIMED_TOLERANCE = 1e-10  # relative, per case
-ABSOLUTE = np.array([1e-5, 1e-12, 1e-12, 1e-7, 1e-12, 1e-12])  # m, rad, m/s
+TOLERANCE = 1e-7  # relative, per case
+SIZES = np.array([1e4, 0.1, 0.1, 1e3, 0.01, 0.1])  # m, rad, m/s: what counts as small
 
 
 @dataclass(frozen=True)
@@ -127,8 +128,8 @@ def _integrate_segment(
         state.ravel(),
         method="DOP853",
         t_eval=tau,
-        rtol=0.1 * CLAIMED_TOLERANCE,
-        atol=np.repeat(0.1 * ABSOLUTE, cases),
+        rtol=0.1 * TOLERANCE,
+        atol=np.repeat(0.1 * TOLERANCE * SIZES, cases),
     )
     if not solution.success:
         raise RuntimeError(f"re-integration: {solution.message}")

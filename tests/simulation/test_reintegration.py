@@ -42,7 +42,7 @@ def plainly_integrated(mission: Mission, trajectory: Trajectory) -> Array:
             begin,
             method="DOP853",
             t_eval=t,
-            rtol=1e-10,
+            rtol=1e-11,
             atol=[1e-6, 1e-13, 1e-13, 1e-8, 1e-13, 1e-13],
         )
         assert solution.success
@@ -58,12 +58,12 @@ def test_reintegration_agrees_with_a_plain_integration(
     witness = plainly_integrated(mission, trajectory)
     check = reintegrate(mission, trajectory)
     difference = np.abs(check.states[0] - witness).max(axis=1)
-    assert np.all(difference < [1e-2, 1e-9, 1e-9, 1e-4, 1e-8, 1e-8])
+    assert np.all(difference < [2e-3, 6e-10, 6e-10, 1e-4, 1e-7, 1e-7])  # 4 mm, 0.1 mm/s
     off = trajectory.states[:6] - witness
     radius = mission.flight_model.planet.equatorial_radius
     flat = radius * np.hypot(off[1] * np.cos(witness[2]), off[2])
-    assert check.position_error[0] == pytest.approx(np.hypot(flat, off[0]).max(), abs=0.02)
-    assert check.altitude_error[0] == pytest.approx(np.abs(off[0]).max(), abs=1e-2)
+    assert check.position_error[0] == pytest.approx(np.hypot(flat, off[0]).max(), abs=4e-3)
+    assert check.altitude_error[0] == pytest.approx(np.abs(off[0]).max(), abs=1e-3)
     assert check.speed_error[0] == pytest.approx(np.abs(off[3]).max(), abs=1e-4)
     assert check.position_error[0] < 3.0  # m, the claim of the mission file
 
@@ -71,7 +71,7 @@ def test_reintegration_agrees_with_a_plain_integration(
 def test_many_cases_together_are_the_cases_alone(
     mission: Mission, dataset: TrajectoryDataset
 ) -> None:
-    """The claimed 1e-10 per case holds although the step size follows the batch."""
+    """To millimetres, although the step size follows the batch."""
     trajectories = [dataset.trajectory(case) for case in range(9)]
     together = reintegrate_many(
         MissionFamily((mission,) * 9),
@@ -82,10 +82,10 @@ def test_many_cases_together_are_the_cases_alone(
     for i, trajectory in enumerate(trajectories):
         alone = reintegrate(mission, trajectory)
         difference = np.abs(together.states[i] - alone.states[0]).max(axis=1)
-        assert np.all(difference < [1e-2, 1e-9, 1e-9, 1e-4, 1e-8, 1e-8])
+        assert np.all(difference < [2e-3, 6e-10, 6e-10, 1e-4, 1e-7, 1e-7])
         assert together.peak[i] == pytest.approx(alone.peak[0], rel=1e-3)
         assert together.position_error[i] == pytest.approx(
-            float(dataset.position_error.ravel()[i]), abs=1e-2
+            float(dataset.position_error.ravel()[i]), abs=4e-3
         )
 
 
