@@ -9,38 +9,44 @@ method on the condensed problem, the same for every case, and here it runs for a
         H = Zᵀ ∇²L Z                                        (condensing, Eq. (4))
         [ H   Cᵀ          ] [z]     [ g + Zᵀ ∇²L c ]
         [ C  −diag(1/2w)  ] [λ] = − [ e + c_f      ]       (1); 1/2w is 0 where a target is met exactly
+        simplified steps: Z, H and C stay, c, g and e are those of the new point
     until the step is small, then restore R = 0
 
 An iterate need not fly before the end: with the term in c this is Newton's method on states, control and
 multipliers together. (Restoring the guess first and dropping c was tried: the first step is then none
-of Newton's, and a third of the cases take an iteration more.) Matrices and tolerances are those of
+of Newton's, and a third of the cases take an iteration more.) A step that is not small is followed by
+simplified ones: the first says as much of convergence as Newton's next step would, for a quarter of its
+cost. They converge linearly, so they have to come closer. Matrices and tolerances are those of
 `exact_hessian`. A case that steps beyond a limit, whose Hessian is not positive definite under the
 target, or that does not contract is left to it. Nothing of a case depends on its company, not even its
 last bit: a database may be solved in any portions.
+
+References
+----------
+Deuflhard (2011), "Newton Methods for Nonlinear Problems", Section 2.1 (simplified Newton corrections).
 """
 
 from __future__ import annotations
 
 import time
 from collections.abc import Hashable, Iterator, Sequence
-from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg.lapack import dpotrf, dpotrs
 
 from ampi.scp.condensing import Iterate
 from ampi.scp.convergence import verdict
-from ampi.scp.convexify import STIFF
 from ampi.scp.cost import Cost, cost_of
 from ampi.scp.exact_hessian import SolverSettings
 from ampi.scp.family_condensing import (
+    MOVING,
     CondensedFamily,
-    Entries,
+    FamilyCurvature,
     condense_family,
     family_dynamics,
 )
+from ampi.scp.family_system import NewtonSystem
 from ampi.scp.guess import NodalGuess
 from ampi.scp.penalty import limit_excess
 from ampi.scp.problem import BANK, N_STATES, OptimalControlProblem
@@ -53,7 +59,9 @@ Cases = NDArray[np.intp]
 
 LARGEST_STEP = 0.3  # rad: what is farther away is no neighbour
 CONTRACTION = 0.5  # of the step from one iteration to the next, at least
-MOST_ITERATIONS = 6
+MOST_ITERATIONS = 6  # with matrices of their own
+SIMPLIFIED_STEPS = 3  # with the same matrices, at most, and only while they contract like `FAST`
+FAST = 0.1
 
 
 def suits(problem: OptimalControlProblem) -> bool:
@@ -145,22 +153,27 @@ class _Newton:
     def run(self, began: float) -> Iterator[tuple[int, Trajectory]]:
         """(number, solution) of every case that converges."""
         everyone, size = len(self.problems), np.full(len(self.problems), np.inf)
-        for iteration in range(1, MOST_ITERATIONS + 1):
+        tolerance = self.settings.convergence.step
+        for _ in range(MOST_ITERATIONS):
             # a case that diverges is dropped, its company goes on
             with np.errstate(all="ignore"):
-                linear, shift = self.linearised()
-                z, multipliers = self.newton_steps(linear, shift)
-                before, size = size, self.sizes(linear, z, shift)
+                system, shift = self.system()
+                before, (size, along) = size, self.newton_step(system, shift)
                 good = (size < LARGEST_STEP) & (size < CONTRACTION * before)
-                self.take(linear, z, shift, multipliers)
-                done = good & (size < self.settings.convergence.step)
-                done &= self.restore(linear, done) & self.inside()
-                self.record(iteration, size)
+                done, going, last = good & (size < tolerance), good & (size >= tolerance), size
+                for _ in range(SIMPLIFIED_STEPS):
+                    if not going.any():
+                        break
+                    before, last = last, last.copy()
+                    last[going] = self.simplified_step(system, along, np.flatnonzero(going))
+                    done |= going & (_left(last, before) < tolerance**2)
+                    going &= ~done & (last < FAST * before)
+                left = good & ~done
+                done &= self.restore(system.linear, done) & self.inside()
             for case in np.flatnonzero(done):
                 solution = self.trajectory(int(case), (time.perf_counter() - began) / everyone)
                 if solution.status.ok:
                     yield int(self.numbers[case]), solution
-            left = good & ~(size < self.settings.convergence.step)
             self.keep(left)
             size = size[left]
             if not len(self.problems):
@@ -190,71 +203,122 @@ class _Newton:
         x = self.x[:, cases, first:].reshape(N_STATES, -1)
         return x, rate[:, first:].reshape(1, -1), times[:, first:].reshape(1, -1)
 
-    def linearised(self) -> tuple[CondensedFamily, Array]:
-        """Z at the current points, and c (c, n − 1, 7)."""
+    def system(self) -> tuple[NewtonSystem, Array]:
+        """Eq. (1) at the current points, and c (c, n − 1, 7)."""
         dynamics = family_dynamics(self.problem)
         derivatives = dynamics.first(*self.nodal(self.everyone))
         linear = condense_family(
             self.problem, self.transcription, dynamics, derivatives, self.final_time
         )
         residual = self.residual(derivatives[0].reshape(self.x.shape), self.everyone)
-        return linear, linear.correction(residual, self.everyone)
+        shift = linear.correction(residual, self.everyone)
+        curvature = self.curvature(linear)
+        return NewtonSystem.factored(linear, curvature, self.hessian(curvature)), shift
 
-    def newton_steps(self, linear: CondensedFamily, shift: Array) -> tuple[Array, Array]:
-        """z (c, n_z) and λ (c, m); not a number where the Hessian is not positive definite."""
-        target = self.problem.target
-        rows = linear.final_map[:, target.state]
-        gradient, hessian = self.model(linear, shift)
-        error = self.errors() + shift[:, -1, target.state]
-        give = np.zeros(len(target))  # 1/2w
-        np.divide(0.5, target.weight, out=give, where=target.weight > 0.0)
-        z, multipliers = np.full_like(gradient, np.nan), np.full_like(error, np.nan)
-        for case, system in enumerate(zip(hessian, rows, gradient, error, strict=True)):
-            with suppress(np.linalg.LinAlgError):
-                z[case], multipliers[case] = _kkt_solution(*system, give)
-        return z, multipliers
+    def newton_step(self, system: NewtonSystem, shift: Array) -> tuple[Array, Array]:
+        """Take the whole step: its size (c,), and ∇²L over the moving states times it (c, n − 1, 6)."""
+        gradient = self.gradient(self.everyone) + system.curvature.product(shift, self.everyone)
+        error = self.errors(self.everyone) + shift[:, -1, self.problem.target.state]
+        z, multipliers = system.solution(gradient, error, self.everyone)
+        self.multipliers = np.zeros_like(self.multipliers)
+        return self.take(self.everyone, system, z, shift, multipliers)
 
-    def model(self, linear: CondensedFamily, shift: Array) -> tuple[Array, Array]:
-        """Hessian (c, n_z, n_z) of the Lagrangian; gradient (c, n_z), without the target's, after c."""
-        t, objective = self.transcription, self.problem.objective
-        scale = self.problem.scaling.final_time
-        final_gradient = np.zeros((len(self.problems), N_STATES))
-        final_gradient[:, self.problem.target.state] = self.multipliers
-        mu = linear.multipliers(final_gradient)
-        hessian, gradient = linear.reduced_hessian(self.curvature(-linear.half * mu), mu, shift)
-        quadrature, growth = linear.half * t.weights, t.half_free * t.weights * scale
-        n_u = self.u.shape[1]
-        gradient[:, :n_u] += 2.0 * objective.effort * quadrature * self.u
-        gradient[:, -2] += objective.effort * (growth * self.u**2).sum(axis=1)
+    def simplified_step(self, system: NewtonSystem, along: Array, cases: Cases) -> Array:
+        """One more step of `cases` with the matrices of the last: its size (k,).
+
+        What it costs are first derivatives at the new points. `along` (c, n − 1, 6) is what the
+        multipliers there, Mᵀ μ = −∂(λᵀe)/∂x − `along`, owe to the steps since M was formed.
+        """
+        linear, problem, t = system.linear, self.problem, self.transcription
+        dynamics, scale = family_dynamics(problem), problem.scaling.final_time
+        f, jacobian, over_time = dynamics.first(*self.nodal(cases))
+        n = self.x.shape[2]
+        f = f.reshape(N_STATES, len(cases), n)
+        shift = linear.correction(self.residual(f, cases), cases)
+        mu = linear.multipliers(self.final_gradient(cases), cases, along[cases])
+        half = t.half_fixed + t.half_free * self.final_time[cases, None]
+        left = -along[cases]  # ∇ₓL: h (∂f/∂x)ᵀ μ has changed since, and M not
+        for (row, column), values in zip(dynamics.first.nonzeros[1], jacobian, strict=True):
+            grown = half * values.reshape(len(cases), n)[:, 1:]
+            grown -= linear.stretched[row, column][cases]
+            if column in MOVING:
+                left[:, :, MOVING.index(column)] -= grown * mu[row]
+        gradient = self.gradient(cases)
+        gradient[:, : n - 1] -= half * problem.bank_rate_limit * mu[BANK]
+        by_time = t.half_free * f[:, :, 1:]
+        for (state, _), values in zip(dynamics.first.nonzeros[2], over_time, strict=True):
+            by_time[state] += half * t.node_free[1:] * values.reshape(len(cases), n)[:, 1:]
+        for of_state, rate in zip(mu, by_time, strict=True):
+            gradient[:, -2] -= scale * (of_state * rate).sum(axis=1)
+        first = t.mesh.segments[0]
+        on_start = mu[BANK][:, first.collocation] * first.rule.derivative[:, 0]
+        gradient[:, -1] += on_start.sum(axis=1)
+        gradient += linear.projected(left, cases)
+        gradient += system.curvature.product(shift, cases)
+        target = problem.target
+        error = self.errors(cases) + shift[:, -1, target.state]
+        error -= system.give * self.multipliers[cases]
+        z, multipliers = system.solution(gradient, error, cases)
+        size, bent = self.take(cases, system, z, shift, multipliers)
+        along[cases] += left + bent
+        return size
+
+    def final_gradient(self, cases: Cases) -> Array:
+        """Of λᵀe over the final states, (k, 7)."""
+        gradient = np.zeros((len(cases), N_STATES))
+        gradient[:, self.problem.target.state] = self.multipliers[cases]
+        return gradient
+
+    def curvature(self, linear: CondensedFamily) -> FamilyCurvature:
+        """Second derivatives of −h μᵀf at the collocation points, with μ from λ."""
+        mu = linear.multipliers(self.final_gradient(self.everyone), self.everyone)
+        second = family_dynamics(self.problem).second
+        weights = (-linear.half * mu).reshape(N_STATES, -1)
+        found = second(*self.nodal(self.everyone, first=1), weights)[0]
+        rows = zip(second.nonzeros[0], found, strict=True)
+        entries = {entry: row.reshape(self.u.shape) for entry, row in rows}
+        return FamilyCurvature.of(linear, entries, mu)
+
+    def gradient(self, cases: Cases) -> Array:
+        """Of effort and flight time over z, (k, n_z)."""
+        t, objective, u = self.transcription, self.problem.objective, self.u[cases]
+        scale, n_u = self.problem.scaling.final_time, u.shape[1]
+        half = t.half_fixed + t.half_free * self.final_time[cases, None]
+        gradient = np.zeros((len(cases), n_u + 2))
+        gradient[:, :n_u] = 2.0 * objective.effort * half * t.weights * u
+        growth = t.half_free * t.weights * scale
+        gradient[:, -2] = objective.effort * (growth * u**2).sum(axis=1)
         gradient[:, -2] += objective.final_time * scale
-        hessian[:, range(n_u), range(n_u)] += 2.0 * objective.effort * quadrature
-        coupling = 2.0 * objective.effort * growth * self.u
+        return gradient
+
+    def hessian(self, curvature: FamilyCurvature) -> Array:
+        """H (c, n_z, n_z) of Eq. (1)."""
+        t, effort, n_u = self.transcription, self.problem.objective.effort, self.u.shape[1]
+        hessian = curvature.reduced()
+        hessian[:, range(n_u), range(n_u)] += 2.0 * effort * curvature.linear.half * t.weights
+        growth = t.half_free * t.weights * self.problem.scaling.final_time
+        coupling = 2.0 * effort * growth * self.u
         hessian[:, :n_u, -2] += coupling
         hessian[:, -2, :n_u] += coupling
-        return gradient, hessian
+        return hessian
 
-    def curvature(self, weights: Array) -> Entries:
-        """Second derivatives of Σ weights f over (x, t) at the collocation points; (7, c, n − 1)."""
-        second = family_dynamics(self.problem).second
-        found = second(*self.nodal(self.everyone, first=1), weights.reshape(N_STATES, -1))[0]
-        return {
-            entry: row.reshape(self.u.shape)
-            for entry, row in zip(second.nonzeros[0], found, strict=True)
-        }
+    def take(
+        self, cases: Cases, system: NewtonSystem, z: Array, shift: Array, multipliers: Array
+    ) -> tuple[Array, Array]:
+        """Move `cases` by z and c, λ by `multipliers`.
 
-    def sizes(self, linear: CondensedFamily, z: Array, shift: Array) -> Array:
-        """‖(δσ, δt_f)‖_∞ (c,), as `exact_hessian` measures a step."""
-        bank = (linear.moving[:, :, -1] @ z[:, :, None])[:, :, 0]
-        bank[:, 1:] += shift[:, :, BANK]
-        return np.asarray(np.maximum(np.abs(bank).max(axis=1), np.abs(z[:, -2])))
-
-    def take(self, linear: CondensedFamily, z: Array, shift: Array, multipliers: Array) -> None:
-        """The whole step."""
-        self.x = self.x + linear.change(z)
-        self.x[:, :, 1:] += shift.transpose(2, 0, 1)
-        self.u = self.u + z[:, : self.u.shape[1]]
-        self.final_time = self.final_time + z[:, -2] * self.problem.scaling.final_time
-        self.multipliers = multipliers
+        The size of the step, ‖(δσ, δt_f)‖_∞ (k,) as `exact_hessian` has it, and `FamilyCurvature.bent`.
+        """
+        change = system.linear.change(z, cases)
+        change[:, :, 1:] += shift.transpose(2, 0, 1)
+        self.x[:, cases] += change
+        self.u[cases] += z[:, : self.u.shape[1]]
+        self.final_time[cases] += z[:, -2] * self.problem.scaling.final_time
+        self.multipliers[cases] += multipliers
+        size = np.maximum(np.abs(change[BANK]).max(axis=1), np.abs(z[:, -2]))
+        for case, one in zip(cases, size, strict=True):
+            self.record(int(case), float(one))
+        return size, system.curvature.bent(change[:, :, 1:].transpose(1, 2, 0), z[:, -2], cases)
 
     def restore(self, linear: CondensedFamily, chosen: Flags) -> Flags:
         """Solve R = 0 of the `chosen` at fixed control by chord steps; which have converged (c,)."""
@@ -286,10 +350,11 @@ class _Newton:
             found[:, s.collocation] += s.rule.derivative @ x[:, s.nodes]
         return found
 
-    def errors(self) -> Array:
-        """e (c, m)."""
-        pairs = zip(self.problems, self.x[:, :, -1].T, strict=True)
-        return np.stack([problem.target.error(final) for problem, final in pairs])
+    def errors(self, cases: Cases) -> Array:
+        """e (k, m)."""
+        finals = self.x[:, cases, -1].T
+        pairs = zip(cases, finals, strict=True)
+        return np.stack([self.problems[case].target.error(final) for case, final in pairs])
 
     def inside(self) -> Flags:
         """Whether every limit is kept at every node (c,)."""
@@ -313,23 +378,22 @@ class _Newton:
         nothing = np.zeros((len(here.states), 0))
         return cost_of(self.problem.objective, self.transcription, here, nothing)
 
-    def record(self, iteration: int, size: Array) -> None:
-        """One row of every log."""
-        for case, log in enumerate(self.logs):
-            total = self.total(case)
-            log.append(
-                IterationRecord(
-                    iteration=iteration,
-                    cost=total,
-                    merit=total,
-                    step=float(size[case]),
-                    final_time=float(self.final_time[case]),
-                    trust_radius=LARGEST_STEP,
-                    ratio=1.0,
-                    accepted=True,
-                    subproblem="Solved",
-                )
+    def record(self, case: int, size: float) -> None:
+        """One row of a log."""
+        total = self.total(case)
+        self.logs[case].append(
+            IterationRecord(
+                iteration=len(self.logs[case]) + 1,
+                cost=total,
+                merit=total,
+                step=size,
+                final_time=float(self.final_time[case]),
+                trust_radius=LARGEST_STEP,
+                ratio=1.0,
+                accepted=True,
+                subproblem="Solved",
             )
+        )
 
     def total(self, case: int) -> float:
         """Cost in the mission's units."""
@@ -344,45 +408,23 @@ class _Newton:
         excess = limit_excess(self.path[:, case].T)
         status: Status = verdict(settings, problem, self.x[:, case, -1], excess, bought_off=False)
         rate = self.transcription.nodal_rate(self.u[case]) * problem.bank_rate_limit
+        cost, rows = self.total(case), self.logs[case]
+        log = (*rows[:-1], replace(rows[-1], cost=cost, merit=cost))  # restored since
         return Trajectory(
             mesh=problem.mesh,
             states=self.x[:, case] * np.array(problem.scaling.states)[:, None],
             bank_rate=rate,
             final_time=float(self.final_time[case]),
-            cost=self.total(case),
+            cost=cost,
             status=status,
             statistics=Statistics(
-                iterations=len(self.logs[case]),
+                iterations=len(log),
                 solve_seconds=seconds,
                 limit_excess=tuple(excess.tolist()),
-                log=tuple(self.logs[case]),
+                log=log,
             ),
             target_multipliers=self.multipliers[case] / problem.multiplier_scale,
         )
-
-
-def _kkt_solution(
-    hessian: Array, rows: Array, gradient: Array, error: Array, give: Array
-) -> tuple[Array, Array]:
-    """z and λ of one case, Eq. (1); LinAlgError unless H is positive definite under the target.
-
-    With some of the target's stiffness, S = H + Cᵀ s C = L Lᵀ and B = I − s/2w, Eq. (1) is
-
-        (C S⁻¹ Cᵀ B + 1/2w) λ = e − C S⁻¹ (g + Cᵀ s e),   z = −S⁻¹ (g + Cᵀ s e + Cᵀ B λ),
-
-    and one Cholesky factor is both the solution and the test.
-    """
-    norms = np.einsum("ij,ij->i", rows, rows)
-    with np.errstate(divide="ignore"):
-        stiff = np.minimum(STIFF * float(np.linalg.norm(hessian)) / norms, 1.0 / give)
-    weighted = rows.T * stiff
-    factor, info = dpotrf(hessian + weighted @ rows, lower=1)
-    if info != 0:
-        raise np.linalg.LinAlgError("the Hessian is not positive definite under the target")
-    half = dpotrs(factor, np.column_stack([gradient + weighted @ error, rows.T]), lower=1)[0]
-    reduced, left = rows @ half, 1.0 - stiff * give
-    multipliers = np.linalg.solve(reduced[:, 1:] * left + np.diag(give), error - reduced[:, 0])
-    return -half[:, 0] - half[:, 1:] @ (left * multipliers), multipliers
 
 
 def _left(size: Array, before: Array) -> Array:

@@ -86,13 +86,13 @@ class CondensedFamily:
         final[:, LONGITUDE] = (self.transcription.integration[-1:] @ self.along)[:, 0]
         return final
 
-    def change(self, z: Array) -> Array:
-        """Z z, (7, c, n), of z (c, n_z)."""
-        cases, n = self.moving.shape[:2]
-        found = np.zeros((N_STATES, cases, n))
-        found[list(MOVING)] = (self.moving @ z[:, None, :, None])[..., 0].transpose(2, 0, 1)
-        turned = self.transcription.integration @ (self.along @ z[:, :, None])
-        found[LONGITUDE, :, 1:] = turned[:, :, 0]
+    def change(self, z: Array, cases: NDArray[np.intp]) -> Array:
+        """Z z, (7, k, n), of z (k, n_z) of `cases`."""
+        n = self.moving.shape[1]
+        found = np.zeros((N_STATES, len(cases), n))
+        for k, case in enumerate(cases):
+            found[list(MOVING), k] = (self.moving[case] @ z[k]).T
+            found[LONGITUDE, k, 1:] = self.transcription.integration @ (self.along[case] @ z[k])
         return found
 
     def correction(self, residual: Array, cases: NDArray[np.intp]) -> Array:
@@ -119,75 +119,118 @@ class CondensedFamily:
         change[:, :, LONGITUDE] = _integrated(integration, along)
         return change
 
-    def multipliers(self, final_gradient: Array) -> Array:
-        """μ (7, c, n − 1) from the cost's gradient over the final states (c, 7)."""
+    def multipliers(
+        self, final_gradient: Array, cases: NDArray[np.intp], along: Array | None = None
+    ) -> Array:
+        """μ (7, k, n − 1) of `cases` from the cost's gradient over the final states (k, 7).
+
+        `along` (k, n − 1, 6) is the gradient over the moving states on the way, if there is one.
+        """
         integration, mesh = self.transcription.integration, self.transcription.mesh
-        cases, points = self.half.shape
-        mu = np.empty((N_STATES, cases, points))
+        points = self.half.shape[1]
+        mu = np.empty((N_STATES, len(cases), points))
         mu[LONGITUDE] = -integration[-1] * final_gradient[:, LONGITUDE, None]
-        right = np.zeros((cases, points, len(MOVING)))
+        right = np.zeros((len(cases), points, len(MOVING))) if along is None else -along
         for i, state in enumerate(MOVING):
             if (LONGITUDE, state) in self.stretched:
-                right[:, :, i] = self.stretched[LONGITUDE, state] * mu[LONGITUDE]
+                right[:, :, i] += self.stretched[LONGITUDE, state][cases] * mu[LONGITUDE]
         right[:, -1] -= final_gradient[:, MOVING]
-        carried = np.zeros((cases, N_CORE))
+        carried = np.zeros((len(cases), N_CORE))
         core = right[:, :, :N_CORE]
         for s, factors in reversed(list(zip(mesh.segments, self.factors, strict=True))):
             core[:, s.collocation.stop - 1] -= carried
-            for case, (lu, pivots) in enumerate(factors):
-                solution = dgetrs(lu, pivots, core[case, s.collocation].ravel(), trans=1)[0]
-                core[case, s.collocation] = solution.reshape(-1, N_CORE)
+            for k, case in enumerate(cases):
+                solution = dgetrs(*factors[case], core[k, s.collocation].ravel(), trans=1)[0]
+                core[k, s.collocation] = solution.reshape(-1, N_CORE)
             carried = s.rule.derivative[:, 0] @ core[:, s.collocation]
         mu[list(CORE)] = core.transpose(2, 0, 1)
         on_bank = right[:, :, N_CORE]
         for i, state in enumerate(CORE):
             if (state, BANK) in self.stretched:
-                on_bank = on_bank + self.stretched[state, BANK] * core[:, :, i]
+                on_bank = on_bank + self.stretched[state, BANK][cases] * core[:, :, i]
         mu[BANK] = _integrated(integration.T, on_bank)
         return mu
 
-    def reduced_hessian(self, curvature: Entries, mu: Array, shift: Array) -> tuple[Array, Array]:
-        """Eq. (4), (c, n_z, n_z), of the dynamics, and its product with states shifted (c, n_z).
-
-        `curvature` is that of −h μᵀf over (x, t), `shift` a change of the states (c, n − 1, 7).
-        """
-        t, scale = self.transcription, self.problem.scaling.final_time
-        cases, points = self.half.shape
+    def projected(self, gradient: Array, cases: NDArray[np.intp]) -> Array:
+        """Zᵀ of a gradient over the moving states at the points (k, n − 1, 6) of `cases`: (k, n_z)."""
         n_z = self.moving.shape[3]
-        inner = self.moving[:, 1:]
-        flat = inner.reshape(cases, -1, n_z)
-        weight = np.zeros((cases, points, len(MOVING), len(MOVING)))
+        found = np.empty((len(cases), n_z))
+        for k, case in enumerate(cases):
+            found[k] = gradient[k].ravel() @ self.moving[case, 1:].reshape(-1, n_z)
+        return found
+
+
+@dataclass(frozen=True, eq=False)
+class FamilyCurvature:
+    """∇²L of the dynamics' part of the Lagrangian, μᵀR; t_f is the scaled one."""
+
+    linear: CondensedFamily
+    over_states: Array  # of the moving states at every point, (c, n − 1, 6, 6)
+    states_time: Array  # ∂²/∂x∂t_f, (c, n − 1, 6)
+    control_time: Array  # ∂²/∂u∂t_f, (c, n − 1)
+    over_time: Array  # ½ ∂²/∂t_f², (c,)
+
+    @classmethod
+    def of(cls, linear: CondensedFamily, curvature: Entries, mu: Array) -> FamilyCurvature:
+        """`curvature` is that of −h μᵀf over (x, t)."""
+        t, scale = linear.transcription, linear.problem.scaling.final_time
+        cases, points = linear.half.shape
+        over_states = np.zeros((cases, points, len(MOVING), len(MOVING)))
         by_time = np.zeros((cases, points, len(MOVING)))
         twice = np.zeros((cases, points))
         for (row, column), values in curvature.items():
             if row in MOVING and column in MOVING:
-                weight[:, :, MOVING.index(row), MOVING.index(column)] = values
+                over_states[:, :, MOVING.index(row), MOVING.index(column)] = values
             elif row in MOVING and column == TIME:
                 by_time[:, :, MOVING.index(row)] = values
             elif row == column == TIME:
                 twice = values
-        hessian = flat.transpose(0, 2, 1) @ (weight @ inner).reshape(cases, -1, n_z)
         step = t.node_free[1:] * scale  # of the node's time per δt_f
         # what multiplies δt_f: W_xt of the nodes that move with it, and h(t_f) in −h μᵀ A δx
-        stretch = -(t.half_free * scale) / self.half
-        row_of = by_time * step[:, None]
-        for (row, column), values in self.stretched.items():
-            row_of[:, :, MOVING.index(column)] += stretch * values * mu[row]
-        coupling = (row_of.reshape(cases, 1, -1) @ flat)[:, 0]
+        stretch = -(t.half_free * scale) / linear.half
+        states_time = by_time * step[:, None]
+        for (row, column), values in linear.stretched.items():
+            states_time[:, :, MOVING.index(column)] += stretch * values * mu[row]
         grown = -(t.half_free * scale) * mu
-        coupling[:, :points] += grown[BANK] * self.problem.bank_rate_limit
         along = np.zeros((cases, points))
         for state in range(N_STATES):
-            along = along + grown[state] * self.time_derivative[state]
+            along = along + grown[state] * linear.time_derivative[state]
         own = along * step + 0.5 * twice * step**2
-        coupling[:, -2] += own.sum(axis=1)
+        control_time = grown[BANK] * linear.problem.bank_rate_limit
+        return cls(linear, over_states, states_time, control_time, own.sum(axis=1))
+
+    def reduced(self) -> Array:
+        """Condensing's Eq. (4), Zᵀ ∇²L Z: (c, n_z, n_z)."""
+        cases, points = self.control_time.shape
+        inner = self.linear.moving[:, 1:]
+        n_z = inner.shape[3]
+        flat = inner.reshape(cases, -1, n_z)
+        hessian = flat.transpose(0, 2, 1) @ (self.over_states @ inner).reshape(cases, -1, n_z)
+        coupling = (self.states_time.reshape(cases, 1, -1) @ flat)[:, 0]
+        coupling[:, :points] += self.control_time
+        coupling[:, -2] += self.over_time
         hessian[:, -2] += coupling
         hessian[:, :, -2] += coupling
+        return np.asarray(hessian)
+
+    def product(self, shift: Array, cases: NDArray[np.intp]) -> Array:
+        """Zᵀ ∇²L of a change of the states (k, n − 1, 7) of `cases`: (k, n_z)."""
         moved = shift[:, :, MOVING]
-        bent = (weight @ moved[..., None]).reshape(cases, 1, -1)
-        product = (bent @ flat)[:, 0]
-        product[:, -2] += (row_of.reshape(cases, 1, -1) @ moved.reshape(cases, -1, 1))[:, 0, 0]
-        return hessian, product
+        bent = (self.over_states[cases] @ moved[..., None])[..., 0]
+        product = self.linear.projected(bent, cases)
+        product[:, -2] += _dots(self.states_time[cases], moved)
+        return product
+
+    def bent(self, change: Array, time_change: Array, cases: NDArray[np.intp]) -> Array:
+        """∇²L over the moving states of a change of states (k, n − 1, 7) and scaled t_f (k,)."""
+        moved = change[:, :, MOVING]
+        bent = (self.over_states[cases] @ moved[..., None])[..., 0]
+        return np.asarray(bent + self.states_time[cases] * time_change[:, None, None])
+
+
+def _dots(a: Array, b: Array) -> Array:
+    """Inner products (c,) of what is contiguous by case."""
+    return np.asarray((a.reshape(len(a), 1, -1) @ b.reshape(len(b), -1, 1))[:, 0, 0])
 
 
 def condense_family(
