@@ -17,7 +17,7 @@ from database.jobs import Job, JobError
 from database.supervisor import Supervisor
 
 RETRIES = 3  # of a job that raises on a cluster: a folder may be out of reach for a moment
-AHEAD = 2  # jobs submitted per worker: the next one waits where it will run
+AHEAD = 2  # jobs under way per worker: one is computed while another is flushed
 
 
 class Engine(Protocol):
@@ -35,12 +35,12 @@ class Engine(Protocol):
 
 
 class LocalEngine:
-    """`n_jobs` worker processes, each watched by a thread."""
+    """`n_jobs` worker processes; a thread watches each job."""
 
     def __init__(self, n_jobs: int) -> None:
-        self._supervisor = Supervisor()
-        self._threads = ThreadPoolExecutor(n_jobs)
+        self._supervisor = Supervisor(most=n_jobs)
         self.room = AHEAD * n_jobs
+        self._threads = ThreadPoolExecutor(self.room)
         for _ in range(n_jobs):  # their imports take longer than the first cases
             self._threads.submit(self._supervisor.start_worker)
 

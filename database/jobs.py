@@ -16,12 +16,12 @@ number of times, and always keeps the same result.
 from __future__ import annotations
 
 import time
+from abc import ABC, abstractmethod
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
-from typing import Protocol
 
 from ampi.scp.shortfall import verdict
 from ampi.scp.solve import solve_family
@@ -53,29 +53,42 @@ class JobError(RuntimeError):
     """A job that could not keep a result: the build cannot go on."""
 
 
-class Job(Protocol):
+class Job(ABC):
     """Work that a process does alone."""
 
     @property
+    @abstractmethod
     def result(self) -> Path:
         """What the job leaves."""
 
     @property
+    @abstractmethod
     def kept(self) -> bool:
         """Whether another job has left it already."""
 
-    def run(self, announce: Callable[[int], None]) -> None:
-        """Do it, telling the number of each attempt before it begins."""
+    @abstractmethod
+    def compute(self, announce: Callable[[int], None]) -> list[Future[None]]:
+        """Do it, telling the number of each attempt before it begins; what is on its way to the disk.
 
+        A flush takes milliseconds in which a processor could be computing the next job.
+        """
+
+    def run(self, announce: Callable[[int], None]) -> None:
+        """Do it, until the result is kept."""
+        for keeping in self.compute(announce):
+            keeping.result()
+
+    @abstractmethod
     def without(self, attempt: int) -> Job:
         """The same job, but for an attempt that has exceeded its time limit."""
 
+    @abstractmethod
     def give_up(self, reason: str) -> None:
         """Keep a result that says why there is none."""
 
 
 @dataclass(frozen=True)
-class SolveTogether:
+class SolveTogether(Job):
     """Solve what Newton's iteration solves of some cases of one layer, and keep the results."""
 
     campaign: Campaign
@@ -91,7 +104,7 @@ class SolveTogether:
         """Only known case by case."""
         return False
 
-    def run(self, announce: Callable[[int], None]) -> None:
+    def compute(self, announce: Callable[[int], None]) -> list[Future[None]]:
         """All at once; records are flushed while the others are still being solved."""
         announce(0)
         campaign, began = self.campaign, time.perf_counter()
@@ -101,7 +114,7 @@ class SolveTogether:
         missions = [
             campaign.mission.with_parameters(campaign.grid.point(case)) for case, *_ in ready
         ]
-        keeping = []
+        keeping = list[Future[None]]()
 
         def keep(place: int, flown: Trajectory) -> None:
             case, attempt, _ = ready[place]
@@ -111,8 +124,7 @@ class SolveTogether:
 
         with stopped_after(campaign.time_limit * max(1, len(ready))):
             solve_family(missions, [start for *_, start in ready], solved=keep)
-        for kept in keeping:
-            kept.result()
+        return keeping
 
     def without(self, attempt: int) -> SolveTogether:
         """Nothing: each case will be tried alone."""
@@ -125,11 +137,11 @@ class SolveTogether:
 @lru_cache(maxsize=1)
 def _keepers() -> ThreadPoolExecutor:
     """Threads that wait for the disk: flushes overlap."""
-    return ThreadPoolExecutor(16)
+    return ThreadPoolExecutor(8)
 
 
 @dataclass(frozen=True)
-class SolveCase:
+class SolveCase(Job):
     """Solve one case from its neighbours' records and keep the result."""
 
     campaign: Campaign
@@ -146,7 +158,7 @@ class SolveCase:
         """Solved together with others."""
         return self.result.exists()
 
-    def run(self, announce: Callable[[int], None]) -> None:
+    def compute(self, announce: Callable[[int], None]) -> list[Future[None]]:
         """Attempt after attempt, until one succeeds."""
         began = time.perf_counter()
         mission, grid = self.campaign.mission, self.campaign.grid
@@ -179,7 +191,7 @@ class SolveCase:
         trajectory = no_trajectory(mission.pseudospectral_mesh) if best is None else best
         seconds = time.perf_counter() - began
         record = CaseRecord(self.planned.case, trajectory, "; ".join(log), solves, seconds)
-        save_record(self.campaign.folder, record)
+        return [_keepers().submit(save_record, self.campaign.folder, record)]
 
     def without(self, attempt: int) -> SolveCase:
         """The same case along the other paths."""
@@ -197,7 +209,7 @@ class SolveCase:
 
 
 @dataclass(frozen=True)
-class AssembleBlock:
+class AssembleBlock(Job):
     """Gains and re-integration of a block whose cases are all kept."""
 
     campaign: Campaign
@@ -213,7 +225,7 @@ class AssembleBlock:
         """Nobody else makes it."""
         return False
 
-    def run(self, announce: Callable[[int], None]) -> None:
+    def compute(self, announce: Callable[[int], None]) -> list[Future[None]]:
         """Assemble and keep."""
         announce(0)
         folder, mission = self.campaign.folder, self.campaign.mission
@@ -228,7 +240,7 @@ class AssembleBlock:
         with stopped_after(self.campaign.time_limit * len(records)):
             values = assemble(mission, self.block, records, self.campaign.gains)
         encoded = encoded_block(values, block_shape(self.campaign.grid.shape))
-        save_block(folder, self.block.number, encoded)
+        return [_keepers().submit(save_block, folder, self.block.number, encoded)]
 
     def without(self, attempt: int) -> Job:
         """There is one way only."""

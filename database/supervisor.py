@@ -10,20 +10,29 @@ A worker that dies takes its job with it and nothing else. What ended it decides
 
 A worker that dies before it is ready has nothing to do with any job: after `DEATHS` such failures
 in a row there is no point in starting another.
+
+While a worker flushes what it has computed it can take the next job. If it dies then, the job that was
+being flushed runs again; it was not the cause.
 """
 
 from __future__ import annotations
 
+import math
 import os
 import pickle
+import queue
 import signal
 import subprocess
 import sys
+import threading
+from collections.abc import Callable
 from contextlib import suppress
+from functools import partial
+from itertools import count
 from pathlib import Path
 
 from database.jobs import Job, JobError
-from database.worker import Began, Kept, Message, Raised, Ready
+from database.worker import START, Began, Computed, Kept, Message, Raised
 
 DEATHS = 3
 LAST_BREATH = 5.0  # s between a worker's end of file and its exit status
@@ -35,20 +44,23 @@ SETTINGS = {
     "MALLOC_MMAP_THRESHOLD_": str(2**30),
     "MALLOC_TRIM_THRESHOLD_": str(2**30),
 }
-_COMMAND = "from database.worker import main; main()"
+# the collector finds nothing among what imports make, and looks for a fourteenth of their time
+_COMMAND = (
+    "import gc; gc.disable(); from database.worker import main; gc.freeze(); gc.enable(); main()"
+)
 
 
 class WorkerLost(Exception):  # noqa: N818 - an event of normal operation, not an error
     """The process ended in the middle of a job."""
 
-    def __init__(self, returncode: int, attempt: int) -> None:
+    def __init__(self, returncode: int, attempt: int, *, computed: bool) -> None:
         super().__init__(returncode, attempt)
-        self.returncode, self.attempt = returncode, attempt
+        self.returncode, self.attempt, self.computed = returncode, attempt, computed
 
     @property
     def overdue(self) -> bool:
         """Whether its own alarm ended it."""
-        return self.returncode == -signal.SIGALRM and self.attempt >= 0
+        return self.returncode == -signal.SIGALRM and self.attempt >= 0 and not self.computed
 
     @property
     def cause(self) -> str:
@@ -59,7 +71,7 @@ class WorkerLost(Exception):  # noqa: N818 - an event of normal operation, not a
 
 
 class Worker:
-    """One worker process and the two pipes to it."""
+    """One worker process, the two pipes to it, and a thread that sorts its messages by job."""
 
     def __init__(self) -> None:
         paths = [str(Path(p).resolve()) for p in sys.path]
@@ -69,15 +81,19 @@ class Worker:
             stdout=subprocess.PIPE,
             env={**os.environ, **SETTINGS, "PYTHONPATH": os.pathsep.join(paths)},
         )
-        self.attempt = -1  # under way
+        self._numbers = count()
+        self._lock = threading.Lock()
+        self._over = False
+        self._inboxes: dict[int, queue.SimpleQueue[Message | None]] = {}
+        self._open(START)
+        threading.Thread(target=self._listen, daemon=True).start()
 
     def wait_ready(self) -> None:
         """Until its imports are done."""
-        if not isinstance(self._receive(), Ready):
-            raise JobError("worker: its first message was not that it is ready")
+        self._next(START, -1, computed=False)
 
-    def run(self, job: Job) -> None:
-        """Until the job's result is kept.
+    def run(self, job: Job, free: Callable[[], None]) -> None:
+        """Until the job's result is kept; calls `free` once the next job may be sent.
 
         Raises
         ------
@@ -86,49 +102,78 @@ class Worker:
         OSError, JobError
             If the job could not keep its result.
         """
-        self.attempt = -1
-        self._send(job)
-        while True:
-            message = self._receive()
-            if isinstance(message, Began):
-                self.attempt = message.attempt
-            elif isinstance(message, Raised):
-                raise message.error
-            elif isinstance(message, Kept):
-                return
+        number = next(self._numbers)
+        attempt, computed = -1, False
+        self._open(number)
+        try:
+            self._send(number, job)
+            while True:
+                message = self._next(number, attempt, computed=computed)
+                if isinstance(message, Began):
+                    attempt = message.attempt
+                elif isinstance(message, Computed):
+                    computed = True
+                    free()
+                elif isinstance(message, Raised):
+                    raise message.error
+                elif isinstance(message, Kept):
+                    return
+        finally:
+            with self._lock:
+                del self._inboxes[number]
 
     def stop(self) -> int:
         """End it, if it has not ended by itself; its exit status."""
+        assert self.process.stdin is not None
+        with suppress(BrokenPipeError):
+            self.process.stdin.close()
         try:
-            self.process.communicate(timeout=LAST_BREATH)
+            return self.process.wait(timeout=LAST_BREATH)
         except subprocess.TimeoutExpired:
             self.process.kill()
-            self.process.communicate()
-        return self.process.returncode
+            return self.process.wait()
 
-    def _send(self, job: Job) -> None:
+    def _send(self, number: int, job: Job) -> None:
         assert self.process.stdin is not None
         try:
-            self.process.stdin.write(pickle.dumps(job))
+            pickle.dump((number, pickle.dumps(job)), self.process.stdin)
             self.process.stdin.flush()
-        except BrokenPipeError:
-            raise WorkerLost(self.stop(), self.attempt) from None
+        except (BrokenPipeError, ValueError):  # ValueError: closed, by `stop`
+            raise WorkerLost(self.stop(), -1, computed=False) from None
 
-    def _receive(self) -> Message:
-        assert self.process.stdout is not None
-        try:
-            message: Message = pickle.load(self.process.stdout)
-        except (EOFError, pickle.UnpicklingError):  # nothing, or half a message
-            raise WorkerLost(self.stop(), self.attempt) from None
+    def _open(self, number: int) -> None:
+        with self._lock:
+            self._inboxes[number] = queue.SimpleQueue()
+            if self._over:
+                self._inboxes[number].put(None)
+
+    def _next(self, number: int, attempt: int, *, computed: bool) -> Message:
+        message = self._inboxes[number].get()
+        if message is None:
+            raise WorkerLost(self.stop(), attempt, computed=computed)
         return message
+
+    def _listen(self) -> None:
+        """Until the worker's end of file, or half a message."""
+        assert self.process.stdout is not None
+        with self.process.stdout as replies, suppress(EOFError, pickle.UnpicklingError):
+            while True:
+                number, message = pickle.load(replies)
+                self._inboxes[number].put(message)
+        with self._lock:
+            self._over = True
+            for inbox in self._inboxes.values():
+                inbox.put(None)
 
 
 class Supervisor:
     """Workers, started as they are needed and replaced as they die. Safe to use from threads."""
 
-    def __init__(self) -> None:
-        self._idle: list[Worker] = []
+    def __init__(self, most: float = math.inf) -> None:
+        self._most = most  # workers
+        self._free: list[Worker] = []
         self._alive: set[Worker] = set()
+        self._changed = threading.Condition()
         self._closed = False
 
     def run(self, job: Job) -> None:
@@ -137,66 +182,91 @@ class Supervisor:
         while True:
             worker = self._take()
             try:
-                worker.run(job)
+                worker.run(job, partial(self._release, worker))
             except WorkerLost as lost:
-                self._alive.discard(worker)
+                self._forget(worker)
                 if self._closed:
                     raise
                 if lost.overdue:
                     job = job.without(lost.attempt)
-                    continue
-                deaths += 1
+                elif not lost.computed:
+                    deaths += 1
                 if deaths == DEATHS:
                     job.give_up(f"Its worker process died {DEATHS} times, by {lost.cause}.")
                     return
-            except Exception:
-                self._idle.append(worker)
-                raise
             else:
-                self._idle.append(worker)
                 return
-
-    def close(self) -> None:
-        """End all workers, in the middle of their jobs if need be."""
-        self._closed = True
-        for worker in list(self._alive):
-            worker.process.kill()
-        while self._idle:
-            self._idle.pop().stop()
-
-    def _take(self) -> Worker:
-        """An idle worker, or a new one that has started."""
-        while self._idle:
-            worker = self._idle.pop()
-            if worker.process.poll() is None:
-                return worker
-            worker.stop()  # it has died between two jobs
-            self._alive.discard(worker)
-        return self._started()
 
     def start_worker(self) -> None:
         """Have one more worker ready; if it cannot start, the first job will say why."""
         with suppress(JobError, WorkerLost):
-            self._idle.append(self._started())
+            with self._changed:
+                hired = self._hired()
+            self._release(self._ready(hired))
 
-    def _started(self) -> Worker:
-        """A new worker."""
-        cause = ""
-        for _ in range(DEATHS):
-            worker = Worker()
-            self._alive.add(worker)
+    def close(self) -> None:
+        """End all workers, in the middle of their jobs if need be."""
+        with self._changed:
+            self._closed = True
+            workers = list(self._alive)
+            self._changed.notify_all()
+        for worker in workers:
+            worker.process.kill()
+        for worker in workers:
+            worker.stop()
+
+    def _take(self) -> Worker:
+        """A worker that computes nothing, or a new one that has started."""
+        with self._changed:
+            while not self._closed:
+                while self._free:
+                    worker = self._free.pop()
+                    if worker.process.poll() is None:
+                        return worker
+                    worker.stop()  # it has died between two jobs
+                    self._alive.discard(worker)
+                if len(self._alive) < self._most:
+                    break
+                self._changed.wait()
+            hired = self._hired()
+        return self._ready(hired)
+
+    def _release(self, worker: Worker) -> None:
+        with self._changed:
+            self._free.append(worker)
+            self._changed.notify()
+
+    def _forget(self, worker: Worker) -> None:
+        with self._changed:
+            self._alive.discard(worker)
+            self._changed.notify()
+
+    def _hired(self) -> Worker:
+        """A new process; to be called with the lock, so that there are never more than `most`."""
+        worker = Worker()
+        self._alive.add(worker)
+        if self._closed:
+            worker.process.kill()
+        return worker
+
+    def _ready(self, worker: Worker) -> Worker:
+        """The worker, or one in its place, once it has started."""
+        for deaths in range(1, DEATHS + 1):
             try:
-                if self._closed:
-                    worker.process.kill()
                 worker.wait_ready()
             except WorkerLost as lost:
-                self._alive.discard(worker)
-                if self._closed:
-                    raise
-                cause = lost.cause
+                with self._changed:
+                    self._alive.discard(worker)
+                    if self._closed or deaths == DEATHS:
+                        self._changed.notify()
+                        cause = lost
+                        break
+                    worker = self._hired()
             else:
                 return worker
+        if self._closed:
+            raise cause
         raise JobError(
-            f"worker: died {DEATHS} times before its first job, by {cause}; "
+            f"worker: died {DEATHS} times before its first job, by {cause.cause}; "
             "what it printed on standard error says why"
         )

@@ -1,9 +1,11 @@
 """A worker process: takes jobs on its standard input, one at a time (database.supervisor starts it).
 
-Messages are pickles on the two pipes that its supervisor holds:
+Messages are pickles on the two pipes that its supervisor holds, each with the number of its job:
 
-    supervisor → worker    Job
-    worker → supervisor    Ready | Began(attempt) | Kept | Raised(error)
+    supervisor → worker    number, Job
+    worker → supervisor    number, Ready | Began(attempt) | Computed | Kept | Raised(error)
+
+Between Computed and Kept a result is on its way to the disk, and the next job may come.
 
 A process of its own, and not a thread or a fork: native code may crash or hang, and then the kernel
 ends the process and nothing else. Started as a command, it needs neither a guarded main module nor the
@@ -19,7 +21,9 @@ import signal
 import sys
 import threading
 import traceback
+from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
+from functools import partial
 from typing import IO
 
 from database.jobs import Job, JobError
@@ -38,6 +42,11 @@ class Began:
 
 
 @dataclass(frozen=True)
+class Computed:
+    """The job needs the processor no more."""
+
+
+@dataclass(frozen=True)
 class Kept:
     """The job's result is on disk."""
 
@@ -49,51 +58,72 @@ class Raised:
     error: Exception
 
 
-Message = Ready | Began | Kept | Raised
+Message = Ready | Began | Computed | Kept | Raised
+START = -1  # in place of a job's number
 
 
 def main() -> None:
     """Serve until the supervisor closes the pipe or dies."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the supervisor decides what an interrupt means
-    replies = os.fdopen(os.dup(1), "wb")
+    replies, talking = os.fdopen(os.dup(1), "wb"), threading.Lock()
     os.dup2(2, 1)  # what a library prints must not mix with the replies
-    jobs: queue.SimpleQueue[Job | None] = queue.SimpleQueue()
+    jobs: queue.SimpleQueue[tuple[int, bytes]] = queue.SimpleQueue()
     threading.Thread(target=_receive, args=(sys.stdin.buffer, jobs), daemon=True).start()
 
-    def send(message: Message) -> None:
+    def send(number: int, message: Message) -> None:
         try:
-            pickle.dump(message, replies)
-            replies.flush()
+            with talking:
+                pickle.dump((number, message), replies)
+                replies.flush()
         except BrokenPipeError:
             os._exit(0)
 
-    send(Ready())
-    while True:
-        job = jobs.get()
-        if job is None:
-            send(Raised(JobError("a worker cannot read its job: is its solver in a module?")))
-            return
+    def began(number: int, attempt: int) -> None:
+        send(number, Began(attempt))
+
+    def follow(number: int, keeping: list[Future[None]]) -> None:
         try:
-            job.run(lambda attempt: send(Began(attempt)))
-        except OSError as error:  # a full disk, a folder gone: the supervisor tells the user
-            send(Raised(error))
-        except JobError as error:
-            send(Raised(error))
-        except Exception as error:  # a defect; not every class survives the pipe, its text does
-            traceback.print_exc()
-            send(Raised(JobError(f"{type(error).__name__}: {error}")))
+            for kept in keeping:
+                kept.result()
+        except Exception as error:
+            send(number, _raised(error))
         else:
-            send(Kept())
+            send(number, Kept())
+
+    send(START, Ready())
+    followers = ThreadPoolExecutor(1)
+    while True:
+        number, job = jobs.get()
+        try:
+            keeping = _read(job).compute(partial(began, number))
+        except Exception as error:
+            send(number, Computed())
+            send(number, _raised(error))
+        else:
+            send(number, Computed())
+            followers.submit(follow, number, keeping)
 
 
-def _receive(pipe: IO[bytes], jobs: queue.SimpleQueue[Job | None]) -> None:
+def _read(job: bytes) -> Job:
+    try:
+        found: Job = pickle.loads(job)
+    except Exception:  # a name that this process does not have
+        traceback.print_exc()
+        raise JobError("a worker cannot read its job: is its solver in a module?") from None
+    return found
+
+
+def _raised(error: Exception) -> Raised:
+    if isinstance(error, OSError | JobError):  # a full disk, a folder gone: the user is told
+        return Raised(error)
+    traceback.print_exception(error)  # a defect; not every class survives the pipe, its text does
+    return Raised(JobError(f"{type(error).__name__}: {error}"))
+
+
+def _receive(pipe: IO[bytes], jobs: queue.SimpleQueue[tuple[int, bytes]]) -> None:
     """Jobs into the queue; when the supervisor is gone, nobody waits for this process."""
     while True:
         try:
             jobs.put(pickle.load(pipe))
         except (EOFError, OSError):
             os._exit(0)
-        except Exception:  # a name that this process does not have
-            traceback.print_exc()
-            jobs.put(None)
-            return

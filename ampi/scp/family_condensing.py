@@ -204,8 +204,21 @@ class FamilyCurvature:
         cases, points = self.control_time.shape
         inner = self.linear.moving[:, 1:]
         n_z = inner.shape[3]
+        hessian = np.zeros((cases, n_z, n_z))
+        for s in self.linear.transcription.mesh.segments:
+            rows, stop = s.collocation, s.collocation.stop
+            # no later control has any part in these points; the last two columns are t_f's and σ₀'s
+            before, last = inner[:, rows, :, :stop], inner[:, rows, :, -2:]
+            weight = self.over_states[:, rows]
+            transposed = before.reshape(cases, -1, stop).transpose(0, 2, 1)
+            side = transposed @ (weight @ last).reshape(cases, -1, 2)
+            hessian[:, :stop, :stop] += transposed @ (weight @ before).reshape(cases, -1, stop)
+            hessian[:, :stop, -2:] += side
+            hessian[:, -2:, :stop] += side.transpose(0, 2, 1)
+            ends = last.reshape(cases, -1, 2)
+            corner = ends.transpose(0, 2, 1) @ (weight @ last).reshape(cases, -1, 2)
+            hessian[:, -2:, -2:] += corner
         flat = inner.reshape(cases, -1, n_z)
-        hessian = flat.transpose(0, 2, 1) @ (self.over_states @ inner).reshape(cases, -1, n_z)
         coupling = (self.states_time.reshape(cases, 1, -1) @ flat)[:, 0]
         coupling[:, :points] += self.control_time
         coupling[:, -2] += self.over_time
@@ -270,10 +283,15 @@ def condense_family(
         solved = right.reshape(cases, right.shape[1], -1)
         for case, factor in enumerate(factored):
             solved[case] = dgetrs(*factor, solved[case].T, overwrite_b=1)[0].T
-        block = solved[:, : N_CORE + 1].transpose(0, 2, 1) @ moving[:, rows.start]
-        block[:, :, rows] += solved[:, N_CORE + 1 : -1].transpose(0, 2, 1)
-        block[:, :, -2] += solved[:, -1]
-        moving[:, after, :N_CORE] = block.reshape(cases, -1, N_CORE, n_z)
+        # of the controls before this segment, its own, t_f and σ₀; no later one has any part in it
+        start, block = moving[:, rows.start], moving[:, after, :N_CORE]
+        carried = solved[:, : N_CORE + 1].transpose(0, 2, 1)
+        shape = (cases, rows.stop - rows.start, N_CORE, -1)
+        if rows.start:
+            block[..., : rows.start] = (carried @ start[:, :, : rows.start]).reshape(shape)
+        block[..., rows] = solved[:, N_CORE + 1 : -1].transpose(0, 2, 1).reshape(shape)
+        block[..., -2:] = (carried @ start[:, :, -2:]).reshape(shape)
+        block[..., -2] += solved[:, -1].reshape(shape[:3])
         factors.append(factored)
     turning = np.zeros((cases, n - 1, 1, len(MOVING)))
     for i, state in enumerate(MOVING):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Hashable, Sequence
 from functools import lru_cache
+from typing import TYPE_CHECKING
 
 import numpy as np
 from threadpoolctl import ThreadpoolController
@@ -13,12 +14,12 @@ from ampi.scp.capabilities import MethodError, check, check_bank_angle
 from ampi.scp.exact_hessian import ExactHessianIteration, SolverSettings
 from ampi.scp.family import kind, newton
 from ampi.scp.guess import ConstantBank, default_guess, from_trajectory, nodal_guess
-from ampi.scp.methods import METHODS, solve_by
 from ampi.scp.problem import OptimalControlProblem
 from ampi.scp.refinement import RefinementSettings, refine
-from ampi.scp.sparse_subproblem import solve_sparse_subproblem
-from ampi.scp.successive import Solver
 from ampi.trajectory import Status, Trajectory
+
+if TYPE_CHECKING:
+    from ampi.scp.successive import Solver
 
 
 def solve(
@@ -137,6 +138,10 @@ def solve_family(
 def _by_the_literature(
     mission: Mission, method: str, guess: ConstantBank | None, subproblem: Solver | None
 ) -> Trajectory:
+    # imported when asked for: the workers of a build wait for their imports, and never ask
+    from ampi.scp.methods import METHODS, solve_by
+    from ampi.scp.sparse_subproblem import solve_sparse_subproblem
+
     if guess is not None:
         section = GuessSection.model_construct(bank_angle=guess.bank_angle)
         mission = mission.model_copy(update={"guess": section})

@@ -113,7 +113,7 @@ def test_an_idle_worker_that_dies_is_replaced(small_mission: Mission, tmp_path: 
     campaign = Campaign(small_mission.toml, tmp_path, neighbour_moved)
     for planned in plan[:3]:
         supervisor.run(SolveCase(campaign, planned))
-        (worker,) = supervisor._idle
+        (worker,) = supervisor._free
         worker.process.kill()
         worker.process.wait()
     supervisor.close()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import signal
+from concurrent.futures import Future
 from pathlib import Path
 
 import pytest
@@ -98,8 +99,9 @@ def test_a_portion_whose_process_dies_is_left_in_the_end(campaign: Campaign) -> 
 class Deadly(SolveTogether):
     """Kills its process."""
 
-    def run(self, announce: object) -> None:
+    def compute(self, announce: object) -> list[Future[None]]:
         os.kill(os.getpid(), signal.SIGKILL)
+        return []
 
 
 def test_portions_follow_the_room_and_other_optimisers_go_alone(small_mission: Mission) -> None:
