@@ -4,11 +4,12 @@ The layers of the US Standard Atmosphere 1976 meet with kinks, and a kink inside
 pseudospectral method its spectral convergence. `StandardAtmosphere1976` is therefore one Chebyshev
 polynomial of ln ρ (and one of T), fitted by least squares to the tabulated atmosphere:
 
-    ln ρ(h) = Σ_k c_k T_k(ξ),   ξ = 2 h / h_max − 1,                            (1)
+    ln ρ(h) = Σ_k c_k T_k(ξ) = E(η) + ξ O(η),   ξ = 2 h / h_max − 1,   η = T_2(ξ) = 2 ξ² − 1.     (1)
 
-evaluated by Clenshaw's recurrence: additions and multiplications only, so the same source runs on
-floats, arrays, complex numbers and symbols, and has derivatives of every order. Outside the table
-ln ρ goes on linearly, with the slope of the edge. A cubic spline was rejected: its third derivative
+E and O are evaluated by Horner's rule: additions and multiplications only, so the same source runs on
+floats, arrays, complex numbers and symbols, and has derivatives of every order. In powers of η half the
+degree is left, and with it all digits; powers of ξ would lose five. Outside the table ln ρ goes on
+linearly, with the slope of the edge. A cubic spline was rejected: its third derivative
 jumps at every knot, and its evaluation needs an index, which a symbolic tracer cannot follow.
 """
 
@@ -20,7 +21,7 @@ from importlib import resources
 from typing import Any, Protocol
 
 import numpy as np
-from numpy.polynomial import chebyshev
+from numpy.polynomial import chebyshev, polynomial
 from numpy.typing import NDArray
 
 SPECIFIC_HEAT_RATIO = 1.4
@@ -65,7 +66,8 @@ class SmoothTable:
     """Least-squares Chebyshev polynomial over [0, top], linear outside, Eq. (1)."""
 
     top: float
-    coefficients: tuple[float, ...]
+    even: tuple[float, ...]  # E, by powers of η
+    odd: tuple[float, ...]  # O
     edge_slopes: tuple[float, float]
 
     @classmethod
@@ -74,19 +76,37 @@ class SmoothTable:
         top = float(altitude[-1])
         series = chebyshev.Chebyshev.fit(altitude, value, CHEBYSHEV_DEGREE, domain=[0.0, top])
         slopes = series.deriv()(np.array([0.0, top]))
-        return cls(top, tuple(series.coef.tolist()), (float(slopes[0]), float(slopes[1])))
+        even = chebyshev.cheb2poly(series.coef[::2])  # T_2k(ξ) = T_k(η)
+        odd = _halved(series.coef[1::2])
+        return cls(
+            top, tuple(even.tolist()), tuple(odd.tolist()), (float(slopes[0]), float(slopes[1]))
+        )
 
     def __call__(self, altitude: Any) -> Any:
-        """Value at `altitude` (m), by Clenshaw's recurrence."""
+        """Value at `altitude` (m)."""
         inside = np.fmin(np.fmax(altitude, 0.0), self.top)
         xi = inside * (2.0 / self.top) - 1.0
-        twice = 2.0 * xi
-        last, before = 0.0 * xi, 0.0 * xi
-        for coefficient in reversed(self.coefficients[1:]):
-            last, before = twice * last - before + coefficient, last
-        value = xi * last - before + self.coefficients[0]
+        eta = 2.0 * xi * xi - 1.0
+        value = _horner(self.even, eta) + xi * _horner(self.odd, eta)
         below = self.edge_slopes[0] * np.fmin(altitude, 0.0)
         return value + below + self.edge_slopes[1] * np.fmax(altitude - self.top, 0.0)
+
+
+def _halved(coefficients: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Σ c_k T_{2k+1}(ξ)/ξ by powers of η: W_0 = 1, W_1 = 2η − 1, W_{k+1} = 2η W_k − W_{k−1}."""
+    before, basis = np.array([1.0]), np.array([-1.0, 2.0])
+    total = coefficients[:1]
+    for coefficient in coefficients[1:]:
+        total = polynomial.polyadd(total, coefficient * basis)
+        before, basis = basis, polynomial.polysub(polynomial.polymul([0.0, 2.0], basis), before)
+    return np.asarray(total)
+
+
+def _horner(coefficients: tuple[float, ...], x: Any) -> Any:
+    total = coefficients[-1]
+    for coefficient in reversed(coefficients[:-1]):
+        total = total * x + coefficient
+    return total
 
 
 @lru_cache(maxsize=1)
