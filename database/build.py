@@ -48,7 +48,7 @@ from database.records import (
     load_record,
     read_fingerprint,
     record_path,
-    save_record,
+    save_records,
     write_fingerprint,
 )
 from database.schedule import run_jobs
@@ -163,7 +163,7 @@ def build(
         for case, optimum in (known or {}).items():
             if load_record(folder, case, mission) is None:
                 record = CaseRecord(case, optimum.trajectory, optimum.message, 0, 0.0)
-                save_record(folder, record)
+                save_records(folder, [record])
         engine = LocalEngine(n_jobs) if client is None else ClusterEngine(client)
         return _Build(campaign, path, engine, advance or (lambda count: None)).run()
 

@@ -45,7 +45,7 @@ from database.records import (
     load_record,
     record_path,
     save_block,
-    save_record,
+    save_records,
 )
 
 
@@ -67,16 +67,15 @@ class Job(ABC):
         """Whether another job has left it already."""
 
     @abstractmethod
-    def compute(self, announce: Callable[[int], None]) -> list[Future[None]]:
-        """Do it, telling the number of each attempt before it begins; what is on its way to the disk.
+    def compute(self, announce: Callable[[int], None]) -> Future[None]:
+        """Do it, telling the number of each attempt before it begins; the result is then being flushed.
 
-        A flush takes milliseconds in which a processor could be computing the next job.
+        A flush takes milliseconds, and the processor can be computing the next job.
         """
 
     def run(self, announce: Callable[[int], None]) -> None:
         """Do it, until the result is kept."""
-        for keeping in self.compute(announce):
-            keeping.result()
+        self.compute(announce).result()
 
     @abstractmethod
     def without(self, attempt: int) -> Job:
@@ -104,8 +103,8 @@ class SolveTogether(Job):
         """Only known case by case."""
         return False
 
-    def compute(self, announce: Callable[[int], None]) -> list[Future[None]]:
-        """All at once; records are flushed while the others are still being solved."""
+    def compute(self, announce: Callable[[int], None]) -> Future[None]:
+        """All at once."""
         announce(0)
         campaign, began = self.campaign, time.perf_counter()
         solved = lru_cache(maxsize=None)(campaign.solved)  # the portion shares its neighbours
@@ -114,17 +113,15 @@ class SolveTogether(Job):
         missions = [
             campaign.mission.with_parameters(campaign.grid.point(case)) for case, *_ in ready
         ]
-        keeping = list[Future[None]]()
-
-        def keep(place: int, flown: Trajectory) -> None:
-            case, attempt, _ = ready[place]
-            seconds = (time.perf_counter() - began) / len(ready)
-            record = CaseRecord(case, flown, f"{attempt}: {flown.status.sentence}", 1, seconds)
-            keeping.append(_keepers().submit(save_record, campaign.folder, record))
-
         with stopped_after(campaign.time_limit * max(1, len(ready))):
-            solve_family(missions, [start for *_, start in ready], solved=keep)
-        return keeping
+            found = solve_family(missions, [start for *_, start in ready])
+        seconds = (time.perf_counter() - began) / max(1, len(ready))
+        records = [
+            CaseRecord(case, flown, f"{attempt}: {flown.status.sentence}", 1, seconds)
+            for (case, attempt, _), flown in zip(ready, found, strict=True)
+            if flown is not None
+        ]
+        return _keeper().submit(save_records, campaign.folder, records)
 
     def without(self, attempt: int) -> SolveTogether:
         """Nothing: each case will be tried alone."""
@@ -135,9 +132,9 @@ class SolveTogether(Job):
 
 
 @lru_cache(maxsize=1)
-def _keepers() -> ThreadPoolExecutor:
-    """Threads that wait for the disk: flushes overlap."""
-    return ThreadPoolExecutor(8)
+def _keeper() -> ThreadPoolExecutor:
+    """The thread that waits for the disk."""
+    return ThreadPoolExecutor(1)
 
 
 @dataclass(frozen=True)
@@ -158,7 +155,7 @@ class SolveCase(Job):
         """Solved together with others."""
         return self.result.exists()
 
-    def compute(self, announce: Callable[[int], None]) -> list[Future[None]]:
+    def compute(self, announce: Callable[[int], None]) -> Future[None]:
         """Attempt after attempt, until one succeeds."""
         began = time.perf_counter()
         mission, grid = self.campaign.mission, self.campaign.grid
@@ -191,7 +188,7 @@ class SolveCase(Job):
         trajectory = no_trajectory(mission.pseudospectral_mesh) if best is None else best
         seconds = time.perf_counter() - began
         record = CaseRecord(self.planned.case, trajectory, "; ".join(log), solves, seconds)
-        return [_keepers().submit(save_record, self.campaign.folder, record)]
+        return _keeper().submit(save_records, self.campaign.folder, [record])
 
     def without(self, attempt: int) -> SolveCase:
         """The same case along the other paths."""
@@ -200,7 +197,8 @@ class SolveCase(Job):
     def give_up(self, reason: str) -> None:
         """A record with the status ERROR."""
         nothing = no_trajectory(self.campaign.mission.pseudospectral_mesh)
-        save_record(self.campaign.folder, CaseRecord(self.planned.case, nothing, reason, 0, 0.0))
+        record = CaseRecord(self.planned.case, nothing, reason, 0, 0.0)
+        save_records(self.campaign.folder, [record])
 
     def _starts(self) -> dict[int, Trajectory]:
         """The solved neighbours, best first."""
@@ -225,7 +223,7 @@ class AssembleBlock(Job):
         """Nobody else makes it."""
         return False
 
-    def compute(self, announce: Callable[[int], None]) -> list[Future[None]]:
+    def compute(self, announce: Callable[[int], None]) -> Future[None]:
         """Assemble and keep."""
         announce(0)
         folder, mission = self.campaign.folder, self.campaign.mission
@@ -240,7 +238,7 @@ class AssembleBlock(Job):
         with stopped_after(self.campaign.time_limit * len(records)):
             values = assemble(mission, self.block, records, self.campaign.gains)
         encoded = encoded_block(values, block_shape(self.campaign.grid.shape))
-        return [_keepers().submit(save_block, folder, self.block.number, encoded)]
+        return _keeper().submit(save_block, folder, self.block.number, encoded)
 
     def without(self, attempt: int) -> Job:
         """There is one way only."""

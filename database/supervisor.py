@@ -35,6 +35,7 @@ from database.jobs import Job, JobError
 from database.worker import START, Began, Computed, Kept, Message, Raised
 
 DEATHS = 3
+MISFORTUNES = 30  # deaths while its result was being flushed: so many are no accident either
 LAST_BREATH = 5.0  # s between a worker's end of file and its exit status
 SETTINGS = {
     "OMP_NUM_THREADS": "1",  # the matrices are small, and the workers are processes
@@ -178,7 +179,7 @@ class Supervisor:
 
     def run(self, job: Job) -> None:
         """Run a job until its result is kept, whatever happens to the workers."""
-        deaths = 0
+        deaths, deaths_flushing = 0, 0
         while True:
             worker = self._take()
             try:
@@ -189,9 +190,11 @@ class Supervisor:
                     raise
                 if lost.overdue:
                     job = job.without(lost.attempt)
-                elif not lost.computed:
+                elif lost.computed:
+                    deaths_flushing += 1
+                else:
                     deaths += 1
-                if deaths == DEATHS:
+                if deaths == DEATHS or deaths_flushing == MISFORTUNES:
                     job.give_up(f"Its worker process died {DEATHS} times, by {lost.cause}.")
                     return
             else:

@@ -21,7 +21,7 @@ import signal
 import sys
 import threading
 import traceback
-from concurrent.futures import Future, ThreadPoolExecutor
+from concurrent.futures import Future
 from dataclasses import dataclass
 from functools import partial
 from typing import IO
@@ -81,17 +81,11 @@ def main() -> None:
     def began(number: int, attempt: int) -> None:
         send(number, Began(attempt))
 
-    def follow(number: int, keeping: list[Future[None]]) -> None:
-        try:
-            for kept in keeping:
-                kept.result()
-        except Exception as error:
-            send(number, _raised(error))
-        else:
-            send(number, Kept())
+    def kept(number: int, keeping: Future[None]) -> None:
+        error = keeping.exception()
+        send(number, Kept() if error is None else _raised(error))
 
     send(START, Ready())
-    followers = ThreadPoolExecutor(1)
     while True:
         number, job = jobs.get()
         try:
@@ -101,7 +95,7 @@ def main() -> None:
             send(number, _raised(error))
         else:
             send(number, Computed())
-            followers.submit(follow, number, keeping)
+            keeping.add_done_callback(partial(kept, number))
 
 
 def _read(job: bytes) -> Job:
@@ -113,7 +107,7 @@ def _read(job: bytes) -> Job:
     return found
 
 
-def _raised(error: Exception) -> Raised:
+def _raised(error: BaseException) -> Raised:
     if isinstance(error, OSError | JobError):  # a full disk, a folder gone: the user is told
         return Raised(error)
     traceback.print_exception(error)  # a defect; not every class survives the pipe, its text does

@@ -92,7 +92,7 @@ class SmoothTable:
         return value + below + self.edge_slopes[1] * np.fmax(altitude - self.top, 0.0)
 
 
-def _halved(coefficients: NDArray[np.float64]) -> NDArray[np.float64]:
+def _halved(coefficients: NDArray[Any]) -> NDArray[np.float64]:
     """Σ c_k T_{2k+1}(ξ)/ξ by powers of η: W_0 = 1, W_1 = 2η − 1, W_{k+1} = 2η W_k − W_{k−1}."""
     before, basis = np.array([1.0]), np.array([-1.0, 2.0])
     total = coefficients[:1]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Hashable, Sequence
+from collections.abc import Hashable, Sequence
 from functools import lru_cache
 from typing import TYPE_CHECKING
 
@@ -96,7 +96,6 @@ def solve_family(
     missions: Sequence[Mission],
     guesses: Sequence[Trajectory],
     settings: SolverSettings | None = None,
-    solved: Callable[[int, Trajectory], None] | None = None,
 ) -> list[Trajectory | None]:
     """Solve neighbouring missions together, each from a neighbour's solution on the same mesh.
 
@@ -110,8 +109,6 @@ def solve_family(
         One for each, with `target_multipliers`.
     settings
         Its tolerances; those of `solve`.
-    solved
-        Called with place and solution of each mission as soon as there is one.
 
     Returns
     -------
@@ -130,8 +127,6 @@ def solve_family(
             starts = [from_trajectory(guesses[c], missions[c]) for c in cases]
             for place, solution in newton([problems[c] for c in cases], starts, settings):
                 found[cases[place]] = solution
-                if solved is not None:
-                    solved(cases[place], solution)
     return found
 
 

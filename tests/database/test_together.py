@@ -99,9 +99,9 @@ def test_a_portion_whose_process_dies_is_left_in_the_end(campaign: Campaign) -> 
 class Deadly(SolveTogether):
     """Kills its process."""
 
-    def compute(self, announce: object) -> list[Future[None]]:
+    def compute(self, announce: object) -> Future[None]:
         os.kill(os.getpid(), signal.SIGKILL)
-        return []
+        raise AssertionError
 
 
 def test_portions_follow_the_room_and_other_optimisers_go_alone(small_mission: Mission) -> None:

@@ -261,19 +261,6 @@ def test_a_saddle_is_not_taken(problem: OptimalControlProblem, centre: Trajector
     assert list(newton([problem], [wrong])) == []
 
 
-def test_solutions_are_told_as_they_come(
-    neighbours: list[Mission], centre: Trajectory, together: list[Trajectory]
-) -> None:
-    told: list[tuple[int, Trajectory]] = []
-    found = solve_family(
-        neighbours, [centre] * len(neighbours), solved=lambda k, t: told.append((k, t))
-    )
-    assert sorted(k for k, _ in told) == list(range(len(neighbours)))
-    assert all(found[k] is flown for k, flown in told)
-    iterations = [flown.statistics.iterations for _, flown in told]
-    assert iterations == sorted(iterations)
-
-
 def test_the_front_door_says_what_it_takes(mission: Mission, centre: Trajectory) -> None:
     with pytest.raises(ValueError, match="zip"):
         solve_family([mission, mission], [centre])
