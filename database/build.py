@@ -18,7 +18,7 @@ import pickle
 import shutil
 import time
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, closing, contextmanager
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
@@ -156,7 +156,7 @@ def build(
             f"solver: expected a function that workers can import, got {solver!r}; "
             "define it at the top of a module"
         ) from None
-    with _told(folder, path), exclusive(folder):
+    with _told(folder, path), exclusive(folder), _engine(n_jobs, client) as engine:
         if not resume:
             discard_records(folder)
         _claim(folder, campaign)
@@ -164,8 +164,12 @@ def build(
             if load_record(folder, case, mission) is None:
                 record = CaseRecord(case, optimum.trajectory, optimum.message, 0, 0.0)
                 save_records(folder, [record])
-        engine = LocalEngine(n_jobs) if client is None else ClusterEngine(client)
         return _Build(campaign, path, engine, advance or (lambda count: None)).run()
+
+
+def _engine(n_jobs: int, client: Any) -> AbstractContextManager[Engine]:
+    """Its workers import what they need while this process plans."""
+    return closing(LocalEngine(n_jobs) if client is None else ClusterEngine(client))
 
 
 @dataclass(eq=False)
@@ -191,7 +195,7 @@ class _Build:
         for planned in plan:
             if planned.case not in kept:  # what cannot be read would pass for a result
                 record_path(campaign.folder, planned.case).unlink(missing_ok=True)
-        jobs, needs = planned_jobs(campaign, kept, self.engine.room)
+        jobs, needs = planned_jobs(campaign, kept, self.engine.width)
 
         def finished(name: str) -> None:
             if not jobs[name].result.exists():
@@ -203,10 +207,8 @@ class _Build:
                 self.require_nominal(nominal)
             self.advance(1 if name.startswith("case ") else 0)
 
-        try:
-            run_jobs(jobs, needs, self.engine, finished)
-        finally:
-            self.engine.close()
+        run_jobs(jobs, needs, self.engine, finished)
+        self.engine.close()
         solve_seconds = time.perf_counter() - self.began
         tally = _Tally()
         final_time = self.require_nominal(nominal).trajectory.final_time

@@ -59,8 +59,12 @@ class Campaign:
         return _mission_and_grid(self.toml)[1]
 
     def solved(self, case: int) -> Trajectory | None:
-        """The solution of a case that is kept; None if there is none."""
-        return _solved_record(self.folder, case, self)
+        """The solution of a case that is kept, read once per process; None if there is none."""
+        try:
+            stamp = record_path(self.folder, case).stat().st_mtime_ns
+        except OSError:
+            return None
+        return _kept_trajectory(self.folder, case, stamp, self.toml)
 
 
 @lru_cache(maxsize=4)
@@ -83,16 +87,6 @@ def _flight_models(toml: str) -> int:
 
 
 @lru_cache(maxsize=20000)  # a record never changes once it is kept; 6 kB each
-def _kept_trajectory(path: Path, stamp: int, campaign: Campaign, case: int) -> Trajectory | None:
-    record = load_record(campaign.folder, case, campaign.mission)
+def _kept_trajectory(folder: Path, case: int, stamp: int, toml: str) -> Trajectory | None:
+    record = load_record(folder, case, _mission_and_grid(toml)[0])
     return None if record is None or not record.trajectory.status.ok else record.trajectory
-
-
-def _solved_record(folder: Path, case: int, campaign: Campaign) -> Trajectory | None:
-    """The solution of a case that is kept, read once per process; None if there is none."""
-    path = record_path(folder, case)
-    try:
-        stamp = path.stat().st_mtime_ns
-    except OSError:
-        return None
-    return _kept_trajectory(path, stamp, campaign, case)

@@ -17,7 +17,7 @@ from database.jobs import Job, JobError
 from database.supervisor import Supervisor
 
 RETRIES = 3  # of a job that raises on a cluster: a folder may be out of reach for a moment
-AHEAD = 2  # jobs under way per worker: one is computed while another is flushed
+AHEAD = 3  # jobs under way per worker: one is computed, one flushed, one on its way
 
 
 class Engine(Protocol):
@@ -26,6 +26,10 @@ class Engine(Protocol):
     @property
     def room(self) -> int:
         """How many jobs may be under way."""
+
+    @property
+    def width(self) -> int:
+        """Into how many portions a layer is best cut, if it is to be cut into few."""
 
     def submit(self, job: Job, tell: Callable[[BaseException | None], None]) -> None:
         """Run a job some time."""
@@ -39,7 +43,7 @@ class LocalEngine:
 
     def __init__(self, n_jobs: int) -> None:
         self._supervisor = Supervisor(most=n_jobs)
-        self.room = AHEAD * n_jobs
+        self.room, self.width = AHEAD * n_jobs, 2 * n_jobs
         self._threads = ThreadPoolExecutor(self.room)
         for _ in range(n_jobs):  # their imports take longer than the first cases
             self._threads.submit(self._supervisor.start_worker)
@@ -59,7 +63,7 @@ class LocalEngine:
 class ClusterEngine:
     """The workers of a dask.distributed client; they must see the folder of the build."""
 
-    room = 1000  # the scheduler has its own queues: enough for any number of workers, and bounded
+    room = width = 1000  # the scheduler has its own queues: enough for any workers, and bounded
 
     def __init__(self, client: Any) -> None:
         from distributed.scheduler import KilledWorker

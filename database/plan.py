@@ -17,7 +17,7 @@ FEW = 6  # below, a case costs nearly what it costs alone
 
 
 def planned_jobs(
-    campaign: Campaign, kept: Collection[int], room: int
+    campaign: Campaign, kept: Collection[int], width: int
 ) -> tuple[dict[str, Job], dict[str, list[str]]]:
     """Jobs that solve all cases but those `kept` and assemble the blocks, and what each job needs.
 
@@ -38,7 +38,7 @@ def planned_jobs(
     for distance in range(grid.shape[0]):
         for layer in plan:
             here = [p for p in layer if away[p.case] == distance and p.case not in kept]
-            _solving_jobs(campaign, here, room, jobs, needs)
+            _solving_jobs(campaign, here, width, jobs, needs)
             solved.update(p.case for p in here)
         for block in list(open_blocks):
             cases = block.cases(grid.shape)
@@ -52,18 +52,18 @@ def planned_jobs(
 def _solving_jobs(
     campaign: Campaign,
     layer: list[PlannedCase],
-    room: int,
+    width: int,
     jobs: dict[str, Job],
     needs: dict[str, list[str]],
 ) -> None:
     """Add the jobs that solve cases of one layer.
 
-    Few portions are made a multiple of what an engine with `room` for that many jobs takes at a time, so
-    that all workers end together; but none is cut too fine.
+    Few portions are made a multiple of the engine's `width`, so that all workers end together; none is
+    cut too fine.
     """
     portions = -(-len(layer) // TOGETHER)
-    if portions < 2 * room:
-        portions = room * -(-portions // room)
+    if portions < 2 * width:
+        portions = width * -(-portions // width)
     size = max(FEW, -(-len(layer) // max(1, portions)))
     for k in range(0, len(layer), size):
         portion = layer[k : k + size]

@@ -212,7 +212,7 @@ def ours(mission: Mission, n_jobs: int) -> dict[str, Any]:
         campaign = Campaign(mission.toml, Path(folder))
         began = time.perf_counter()
         engine = LocalEngine(n_jobs)
-        jobs, needs = planned_jobs(campaign, (), engine.room)
+        jobs, needs = planned_jobs(campaign, (), engine.width)
         solving = {name: job for name, job in jobs.items() if not isinstance(job, AssembleBlock)}
         run_jobs(solving, needs, engine, lambda name: None)
         seconds = time.perf_counter() - began
@@ -251,7 +251,7 @@ def phases(mission: Mission, portions: int = 12) -> dict[str, float]:
     profile = cProfile.Profile()
     with tempfile.TemporaryDirectory() as folder:
         campaign = Campaign(mission.toml, Path(folder))
-        jobs, _ = planned_jobs(campaign, (), room=4)
+        jobs, _ = planned_jobs(campaign, (), width=4)
         measured = 0
         for job in list(jobs.values()):
             enough = measured == portions

@@ -103,9 +103,10 @@ def _halved(coefficients: NDArray[Any]) -> NDArray[np.float64]:
 
 
 def _horner(coefficients: tuple[float, ...], x: Any) -> Any:
-    total = coefficients[-1]
-    for coefficient in reversed(coefficients[:-1]):
-        total = total * x + coefficient
+    total = coefficients[-1] * x + coefficients[-2]
+    for coefficient in reversed(coefficients[:-2]):
+        total *= x  # the array is ours
+        total += coefficient
     return total
 
 

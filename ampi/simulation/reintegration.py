@@ -116,11 +116,16 @@ def _integrate_segment(
     cases = len(start)
     matrix = interpolation_matrix(rule.nodes, rule.barycentric, tau)
 
+    x = np.empty((7, cases))
+
     def rates(at: float, flat: Array) -> Array:
-        row = interpolation_matrix(rule.nodes, rule.barycentric, [at])[0]
-        x = np.vstack([flat.reshape(6, cases), bank @ row])
+        x[:6] = flat.reshape(6, cases)
+        x[6] = bank @ interpolation_matrix(rule.nodes, rule.barycentric, [at])[0]
         dx = equations_of_motion(model, x, 0.0, start + half * (1.0 + at))
-        return np.concatenate([half * d for d in dx[:6]])
+        found = np.empty((6, cases))
+        for row, rate in zip(found, dx[:6], strict=True):
+            np.multiply(half, rate, out=row)
+        return found.ravel()
 
     solution = solve_ivp(
         rates,

@@ -61,6 +61,7 @@ class ShuffledEngine:
 
     seed: int
     room: int = 5
+    width: int = 5
     log: list[str] = field(default_factory=list)
     open: list[tuple[Job, Callable[[BaseException | None], None]]] = field(default_factory=list)
 

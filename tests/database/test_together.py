@@ -104,10 +104,10 @@ class Deadly(SolveTogether):
         raise AssertionError
 
 
-def test_portions_follow_the_room_and_other_optimisers_go_alone(small_mission: Mission) -> None:
+def test_portions_follow_the_width_and_other_optimisers_go_alone(small_mission: Mission) -> None:
     text = small_mission.toml + "azimuth_deg = [-0.5, 0.0, 0.5]\n"
     campaign = Campaign(text, Path("nowhere"))
-    jobs, needs = planned_jobs(campaign, kept=(), room=4)
+    jobs, needs = planned_jobs(campaign, kept=(), width=4)
     portions = [job for job in jobs.values() if isinstance(job, SolveTogether)]
     cases = [planned.case for job in portions for planned in job.planned]
     assert sorted(cases) == sorted(p.case for p in plan(campaign))
@@ -120,7 +120,7 @@ def test_portions_follow_the_room_and_other_optimisers_go_alone(small_mission: M
             assert job.planned in together.planned
             assert {f"case {n}" for n in job.planned.neighbours} <= set(needs[portion])
     other = Campaign(text, Path("nowhere"), another_optimiser)
-    jobs, needs = planned_jobs(other, kept={0}, room=4)
+    jobs, needs = planned_jobs(other, kept={0}, width=4)
     solving = [job for job in jobs.values() if not isinstance(job, AssembleBlock)]
     assert len(solving) == 26
     assert all(isinstance(job, SolveCase) for job in solving)
