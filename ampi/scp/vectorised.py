@@ -27,8 +27,8 @@ _BINARY: dict[int, Any] = {
     ca.OP_LE: np.less_equal,
     ca.OP_EQ: np.equal,
     ca.OP_NE: np.not_equal,
-    ca.OP_FMIN: np.minimum,
-    ca.OP_FMAX: np.maximum,
+    ca.OP_FMIN: np.fmin,
+    ca.OP_FMAX: np.fmax,
     ca.OP_ATAN2: np.arctan2,
     ca.OP_IF_ELSE_ZERO: np.multiply,
 }
@@ -52,7 +52,7 @@ _UNARY: dict[int, Any] = {
     ca.OP_NOT: np.logical_not,
 }
 
-_APPLY, _CONSTANT, _INPUT, _OUTPUT = range(4)  # kinds of instruction
+_BINARY_APPLY, _UNARY_APPLY, _CONSTANT, _INPUT, _OUTPUT = range(5)  # kinds of instruction
 
 
 class VectorisedFunction:
@@ -84,27 +84,25 @@ class VectorisedFunction:
         if operation == ca.OP_OUTPUT:
             return _OUTPUT, None, tuple(written), read[0]
         if operation == ca.OP_TWICE:
-            return _APPLY, np.add, (read[0], read[0]), written[0]
+            return _BINARY_APPLY, np.add, (read[0], read[0]), written[0]
         if operation in _BINARY:
-            return _APPLY, _BINARY[operation], tuple(read), written[0]
+            return _BINARY_APPLY, _BINARY[operation], tuple(read), written[0]
         if operation in _UNARY:
-            return _APPLY, _UNARY[operation], (read[0],), written[0]
+            return _UNARY_APPLY, _UNARY[operation], (read[0],), written[0]
         raise NotImplementedError(f"no ufunc for CasADi's operation {operation}")
 
     def __call__(self, *inputs: Array) -> list[Array]:
         """Outputs (nonzeros, points) at inputs (components, points)."""
         points = inputs[0].shape[1]
-        room = np.empty((self._slots, points))
+        room = list(np.empty((self._slots, points)))  # a view of every row, made once
         outputs = [np.empty((len(rows), points)) for rows in self.nonzeros]
         value: list[Any] = [None] * self._slots
         for kind, payload, operands, slot in self._program:
-            if kind == _APPLY:
-                result = room[slot]
-                if len(operands) == 2:
-                    payload(value[operands[0]], value[operands[1]], out=result)
-                else:
-                    payload(value[operands[0]], out=result)
-                value[slot] = result
+            if kind == _BINARY_APPLY:
+                left, right = operands
+                value[slot] = payload(value[left], value[right], room[slot])
+            elif kind == _UNARY_APPLY:
+                value[slot] = payload(value[operands[0]], room[slot])
             elif kind == _CONSTANT:
                 value[slot] = payload
             elif kind == _INPUT:
