@@ -178,11 +178,12 @@ def read_fingerprint(folder: Path) -> dict[str, str] | None:
 def discard_records(folder: Path) -> None:
     """Empty the folder of records; what they belong to goes last, so no record is ever orphaned."""
     kinds = ("case_*", "block_*", "*.tmp", "mission.toml")
+    files = [file for pattern in kinds for file in folder.glob(pattern)]
     with ThreadPoolExecutor(DELETERS) as pool:
-        for deleted in [
-            pool.submit(file.unlink, missing_ok=True)
-            for pattern in kinds
-            for file in folder.glob(pattern)
-        ]:
-            deleted.result()
+        list(pool.map(_delete, (files[k::DELETERS] for k in range(DELETERS))))
     (folder / "build.json").unlink(missing_ok=True)
+
+
+def _delete(files: list[Path]) -> None:
+    for file in files:
+        file.unlink(missing_ok=True)

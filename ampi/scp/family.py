@@ -169,7 +169,7 @@ class _Newton:
                     done |= going & (_left(last, before) < tolerance**2)
                     going &= ~done & (last < FAST * before)
                 left = good & ~done
-                done &= self.restore(system.linear, done) & self.inside()
+                done &= self.restore(system.linear, done, last) & self.inside()
             for case in np.flatnonzero(done):
                 solution = self.trajectory(int(case), (time.perf_counter() - began) / everyone)
                 if solution.status.ok:
@@ -320,12 +320,15 @@ class _Newton:
             self.record(int(case), float(one))
         return size, system.curvature.bent(change[:, :, 1:].transpose(1, 2, 0), z[:, -2], cases)
 
-    def restore(self, linear: CondensedFamily, chosen: Flags) -> Flags:
-        """Solve R = 0 of the `chosen` at fixed control by chord steps; which have converged (c,)."""
+    def restore(self, linear: CondensedFamily, chosen: Flags, last: Array) -> Flags:
+        """Solve R = 0 of the `chosen` at fixed control by chord steps; which have converged (c,).
+
+        `last` (c,) is the size of the step that left R; the first chord step converges relative to it.
+        """
         settings, values = self.settings.restoration, family_dynamics(self.problem).values
         converged = np.zeros_like(chosen)
         open_ = np.flatnonzero(chosen)
-        before = np.full(len(open_), np.inf)
+        before = last[open_]
         for _ in range(settings.corrections):
             if not len(open_):
                 break
