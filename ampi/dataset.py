@@ -24,6 +24,7 @@ import hashlib
 import os
 import zlib
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 from typing import IO, Any
@@ -107,13 +108,20 @@ def content_digest(file: h5py.File) -> str:
                 text = [str(v) for v in value] if isinstance(value, np.ndarray) else str(value)
                 digest.update(f"{key}={text}".encode())
 
-    add_attributes(file)
-    for name in sorted(file):
-        dataset = file[name]
-        digest.update(f"{name}:{dataset.shape}:{dataset.dtype}".encode())
-        add_attributes(dataset)
-        for part in _rows(dataset.shape):
-            digest.update(np.ascontiguousarray(dataset[part]).tobytes())
+    with ThreadPoolExecutor(1) as hashing:  # one part while the next is being read
+        add_attributes(file)
+        for name in sorted(file):
+            dataset = file[name]
+            digest.update(f"{name}:{dataset.shape}:{dataset.dtype}".encode())
+            add_attributes(dataset)
+            last = None
+            for part in _rows(dataset.shape):
+                values = np.ascontiguousarray(dataset[part]).tobytes()
+                if last is not None:
+                    last.result()
+                last = hashing.submit(digest.update, values)
+            if last is not None:
+                last.result()
     return digest.hexdigest()
 
 

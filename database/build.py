@@ -48,6 +48,7 @@ from database.records import (
     load_record,
     read_fingerprint,
     record_path,
+    recorded_cases,
     save_records,
     write_fingerprint,
 )
@@ -188,22 +189,22 @@ class _Build:
         plan = [planned for layer in layers(grid) for planned in layer]
         nominal = plan[0].case
         parts = list(blocks(grid.shape))
-        kept = {p.case for p in plan if self.record(p.case) is not None}
+        present = recorded_cases(campaign.folder)
+        kept = {case for case in present if self.record(case) is not None}
         if nominal in kept:
             self.require_nominal(nominal)
         self.advance(len(kept))
-        for planned in plan:
-            if planned.case not in kept:  # what cannot be read would pass for a result
-                record_path(campaign.folder, planned.case).unlink(missing_ok=True)
+        for case in present - kept:  # what cannot be read would pass for a result
+            record_path(campaign.folder, case).unlink(missing_ok=True)
         jobs, needs = planned_jobs(campaign, kept, self.engine.width)
 
         def finished(name: str) -> None:
-            if not jobs[name].result.exists():
-                raise BuildError(
-                    f"{name}: its result is not in {campaign.folder}; the workers must see the same "
-                    "folder as this process: choose a path on a shared file system"
-                )
             if name == case_name(nominal):
+                if not jobs[name].result.exists():
+                    raise BuildError(
+                        f"{name}: its result is not in {campaign.folder}; the workers must see the "
+                        "same folder as this process: choose a path on a shared file system"
+                    )
                 self.require_nominal(nominal)
             self.advance(1 if name.startswith("case ") else 0)
 
@@ -262,7 +263,7 @@ class _Build:
         return record
 
 
-TALLIED = ("status", "iterations", "message", "position_error", "peak")
+TALLIED = ("status", "iterations", "position_error", "peak")
 
 
 @dataclass(eq=False)
@@ -282,12 +283,11 @@ class _Tally:
             values = decoded_block(encoded, block.shape, TALLIED)
             good = values["status"].ravel() == int(Status.SOLVED)
             self.iterations += values["iterations"].ravel()[good].tolist()
-            for case, ok, message in zip(
-                block.cases(grid.shape), good, values["message"].ravel(), strict=True
-            ):
-                if not ok:
-                    text = message.decode("utf-8", "replace")
-                    self.failures.append(f"{grid.describe(case)}: {text}")
+            if not good.all():
+                messages = decoded_block(encoded, block.shape, ("message",))["message"].ravel()
+                for k in np.flatnonzero(~good):
+                    case = grid.describe(block.cases(grid.shape)[k])
+                    self.failures.append(f"{case}: {messages[k].decode('utf-8', 'replace')}")
             self.worst_position_error = _worst(self.worst_position_error, values["position_error"])
             self.worst_limit = _worst(self.worst_limit, values["peak"])
             yield block, encoded

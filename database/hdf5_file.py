@@ -54,9 +54,10 @@ def write_dataset(
                         _create_field(file, name, field, names, block_shape)
                     for name, value in values.items():
                         file[name][...] = value
+                    fields = {name: file[name].id for name in FIELDS}
                     for slices, block in blocks:
                         sink.check()
-                        _copy_block(file, slices, block)
+                        _copy_block(fields, slices, block)
                     file["status"].attrs["meanings"] = "; ".join(
                         f"{int(s)} {s.name}: {s.sentence}" for s in Status
                     )
@@ -97,13 +98,13 @@ def decoded_block(
         return {name: file[name][inside] for name in names}
 
 
-def _copy_block(file: h5py.File, slices: Slices, raw: bytes) -> None:
+def _copy_block(fields: Mapping[str, h5py.h5d.DatasetID], slices: Slices, raw: bytes) -> None:
     start = tuple(s.start for s in slices)
     with h5py.File(BytesIO(raw), "r") as source:
         for name, dataset in source.items():
             inner = (0,) * (dataset.ndim - len(start))
             mask, chunk = dataset.id.read_direct_chunk((0,) * dataset.ndim)
-            file[name].id.write_direct_chunk((*start, *inner), chunk, mask)
+            fields[name].write_direct_chunk((*start, *inner), chunk, mask)
 
 
 def _write_scales(

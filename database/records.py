@@ -118,6 +118,11 @@ def record_path(folder: Path, case: int) -> Path:
     return folder / f"case_{case:06d}.rec"
 
 
+def recorded_cases(folder: Path) -> set[int]:
+    """Cases with a file, whole or not."""
+    return {int(file.stem.removeprefix("case_")) for file in folder.glob("case_*.rec")}
+
+
 def save_records(folder: Path, records: Iterable[CaseRecord]) -> None:
     """Keep cases, each in its file."""
     keep({record_path(folder, record.case): record.packed() for record in records})
