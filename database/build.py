@@ -21,7 +21,9 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import AbstractContextManager, closing, contextmanager
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
+from threading import Thread
 from typing import Any
+from uuid import uuid4
 
 import numpy as np
 
@@ -53,7 +55,7 @@ from database.records import (
     write_fingerprint,
 )
 from database.schedule import run_jobs
-from database.writer import package_version, write_database
+from database.writer import package_version, provenance, write_database
 
 
 class BuildError(ValueError):
@@ -149,7 +151,8 @@ def build(
         check(mission, "exact_hessian")
     _refuse_other_database(path, mission)
     folder = partial_folder(path.absolute())  # workers may stand elsewhere
-    campaign = Campaign(mission.toml, folder, solver, time_limit, gains or GainSettings())
+    settings = gains or GainSettings()
+    campaign = Campaign(mission.toml, folder, solver, time_limit, settings, build=str(uuid4()))
     try:
         pickle.dumps(campaign)
     except (pickle.PicklingError, AttributeError, TypeError):
@@ -208,12 +211,13 @@ class _Build:
                 self.require_nominal(nominal)
             self.advance(1 if name.startswith("case ") else 0)
 
+        attributes = provenance(campaign)  # while the workers import what they need
         run_jobs(jobs, needs, self.engine, finished)
-        self.engine.close()
+        Thread(target=self.engine.close).start()  # they end while the file is written
         solve_seconds = time.perf_counter() - self.began
         tally = _Tally()
         final_time = self.require_nominal(nominal).trajectory.final_time
-        write_database(self.path, campaign, final_time, tally.count(self, parts))
+        write_database(self.path, campaign, attributes, final_time, tally.count(self, parts))
         discard_records(campaign.folder)
         shutil.rmtree(campaign.folder)
         iterations = tally.iterations

@@ -12,7 +12,7 @@ from ampi.scp.solve import solve
 from ampi.trajectory import Trajectory
 from database.gains import GainSettings
 from database.grid import Grid
-from database.records import load_record, record_path
+from database.records import load_record
 
 MOST_MODELS = 16  # as many as a process keeps traced (scp.family_condensing)
 TIME_LIMIT = 60.0  # s for one solve: some 300 times what a hard one takes
@@ -42,6 +42,9 @@ class Campaign:
     solver: Solver = solve
     time_limit: float = TIME_LIMIT  # s, of one solve
     gains: GainSettings = field(default_factory=GainSettings)
+    build: str = (
+        ""  # which build of this folder: within one, a record never changes once it is kept
+    )
 
     @property
     def together(self) -> bool:
@@ -61,10 +64,9 @@ class Campaign:
     def solved(self, case: int) -> Trajectory | None:
         """The solution of a case that is kept, read once per process; None if there is none."""
         try:
-            stamp = record_path(self.folder, case).stat().st_mtime_ns
-        except OSError:
+            return _kept_trajectory(self.folder, case, self.build, self.toml)
+        except LookupError:
             return None
-        return _kept_trajectory(self.folder, case, stamp, self.toml)
 
 
 @lru_cache(maxsize=4)
@@ -86,7 +88,10 @@ def _flight_models(toml: str) -> int:
     return count
 
 
-@lru_cache(maxsize=20000)  # a record never changes once it is kept; 6 kB each
-def _kept_trajectory(folder: Path, case: int, stamp: int, toml: str) -> Trajectory | None:
+@lru_cache(maxsize=20000)  # 6 kB each
+def _kept_trajectory(folder: Path, case: int, build: str, toml: str) -> Trajectory | None:
+    """LookupError, which is not remembered, if there is no record yet."""
     record = load_record(folder, case, _mission_and_grid(toml)[0])
-    return None if record is None or not record.trajectory.status.ok else record.trajectory
+    if record is None:
+        raise LookupError(case)
+    return record.trajectory if record.trajectory.status.ok else None

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import platform
 import subprocess
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import asdict
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
@@ -14,7 +14,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ampi.dataset import SCHEMA_VERSION
-from ampi.missions.mission import Mission
 from ampi.physics.equations_of_motion import STATES
 from ampi.physics.path_constraints import PATH_CONSTRAINTS
 from ampi.pseudospectral.mesh import Mesh
@@ -22,8 +21,6 @@ from ampi.scp.exact_hessian import SolverSettings
 from ampi.scp.problem import OptimalControlProblem
 from database.blocks import Block, block_shape
 from database.campaign import Campaign, solver_name
-from database.gains import GainSettings
-from database.grid import Grid
 from database.hdf5_file import write_dataset
 
 Array = NDArray[np.float64]
@@ -53,10 +50,11 @@ def high_density_times(mesh: Mesh, nominal_final_time: float) -> tuple[Array, Ar
 def write_database(
     path: Path,
     campaign: Campaign,
+    attributes: Mapping[str, object],
     nominal_final_time: float,
     encoded_blocks: Iterable[tuple[Block, bytes]],
 ) -> None:
-    """Merge the blocks, in index order, into `path`."""
+    """Merge the blocks, in index order, into `path`; `attributes` are its `provenance`."""
     mission, grid = campaign.mission, campaign.grid
     mesh, problem = mission.pseudospectral_mesh, OptimalControlProblem.from_mission(mission)
     fixed, free = high_density_times(mesh, nominal_final_time)
@@ -81,32 +79,30 @@ def write_database(
         },
         block_shape=block_shape(grid.shape),
         blocks=((block.slices, encoded) for block, encoded in encoded_blocks),
-        attributes={
-            **provenance(mission, grid, campaign.gains),
-            "solver": solver_name(campaign.solver),
-        },
+        attributes=attributes,
     )
 
 
-def provenance(mission: Mission, grid: Grid, settings: GainSettings) -> dict[str, object]:
+def provenance(campaign: Campaign) -> dict[str, object]:
     """Root attributes: enough to build the file again. Nothing depends on host or clock."""
+    mission = campaign.mission
     attributes: dict[str, object] = {
         "schema_version": SCHEMA_VERSION,
         "title": f"Trajectory database of {mission.title}",
         "mission": mission.name,
         "mission_toml": mission.toml,
-        "parameters": np.array(grid.names, dtype=object),
+        "parameters": np.array(campaign.grid.names, dtype=object),
         "bank_rate_effort": mission.objective.bank_rate_effort,
         "mesh": json.dumps([asdict(p) for p in mission.pseudospectral_mesh.phases]),
         "solver_settings": json.dumps(asdict(SolverSettings()), sort_keys=True),
-        "gain_settings": json.dumps(asdict(settings), sort_keys=True),
+        "gain_settings": json.dumps(asdict(campaign.gains), sort_keys=True),
         "ampi_version": package_version("ampi"),
         "git_revision": git_revision(),
         "python_version": platform.python_version(),
     }
     for package in ("numpy", "scipy", "casadi", "clarabel", "h5py"):
         attributes[f"{package}_version"] = package_version(package)
-    return attributes
+    return {**attributes, "solver": solver_name(campaign.solver)}
 
 
 def package_version(name: str) -> str:

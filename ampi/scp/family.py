@@ -35,9 +35,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ampi.scp.condensing import Iterate
 from ampi.scp.convergence import verdict
-from ampi.scp.cost import Cost, cost_of
 from ampi.scp.exact_hessian import SolverSettings
 from ampi.scp.family_condensing import (
     MOVING,
@@ -229,39 +227,47 @@ class _Newton:
         What it costs are first derivatives at the new points. `along` (c, n − 1, 6) is what the
         multipliers there, Mᵀ μ = −∂(λᵀe)/∂x − `along`, owe to the steps since M was formed.
         """
-        linear, problem, t = system.linear, self.problem, self.transcription
-        dynamics, scale = family_dynamics(problem), problem.scaling.final_time
-        f, jacobian, over_time = dynamics.first(*self.nodal(cases))
-        n = self.x.shape[2]
-        f = f.reshape(N_STATES, len(cases), n)
-        shift = linear.correction(self.residual(f, cases), cases)
+        linear, target = system.linear, self.problem.target
+        derivatives = family_dynamics(self.problem).first(*self.nodal(cases))
+        rates = derivatives[0].reshape(N_STATES, len(cases), -1)
+        shift = linear.correction(self.residual(rates, cases), cases)
         mu = linear.multipliers(self.final_gradient(cases), cases, along[cases])
-        half = t.half_fixed + t.half_free * self.final_time[cases, None]
-        left = -along[cases]  # ∇ₓL: h (∂f/∂x)ᵀ μ has changed since, and M not
-        for (row, column), values in zip(dynamics.first.nonzeros[1], jacobian, strict=True):
-            grown = half * values.reshape(len(cases), n)[:, 1:]
-            grown -= linear.stretched[row, column][cases]
-            if column in MOVING:
-                left[:, :, MOVING.index(column)] -= grown * mu[row]
-        gradient = self.gradient(cases)
-        gradient[:, : n - 1] -= half * problem.bank_rate_limit * mu[BANK]
-        by_time = t.half_free * f[:, :, 1:]
-        for (state, _), values in zip(dynamics.first.nonzeros[2], over_time, strict=True):
-            by_time[state] += half * t.node_free[1:] * values.reshape(len(cases), n)[:, 1:]
-        for of_state, rate in zip(mu, by_time, strict=True):
-            gradient[:, -2] -= scale * (of_state * rate).sum(axis=1)
-        first = t.mesh.segments[0]
-        on_start = mu[BANK][:, first.collocation] * first.rule.derivative[:, 0]
-        gradient[:, -1] += on_start.sum(axis=1)
-        gradient += linear.projected(left, cases)
-        gradient += system.curvature.product(shift, cases)
-        target = problem.target
+        gradient, left = self.lagrangian_gradient(linear, derivatives, mu, cases)
+        left -= along[cases]
+        gradient += linear.projected(left, cases) + system.curvature.product(shift, cases)
         error = self.errors(cases) + shift[:, -1, target.state]
         error -= system.give * self.multipliers[cases]
         z, multipliers = system.solution(gradient, error, cases)
         size, bent = self.take(cases, system, z, shift, multipliers)
         along[cases] += left + bent
         return size
+
+    def lagrangian_gradient(
+        self, linear: CondensedFamily, derivatives: list[Array], mu: Array, cases: Cases
+    ) -> tuple[Array, Array]:
+        """∇L over z where no state moves (k, n_z), and over the moving states (k, n − 1, 6).
+
+        The latter is what h (∂f/∂x)ᵀ μ has changed since `linear`; `derivatives` are at the new points.
+        """
+        problem, t, first = self.problem, self.transcription, family_dynamics(self.problem).first
+        count, n = len(cases), self.x.shape[2]
+        rates, jacobian, over_time = derivatives
+        half = t.half_fixed + t.half_free * self.final_time[cases, None]
+        over_states = np.zeros((count, n - 1, len(MOVING)))
+        for (row, column), values in zip(first.nonzeros[1], jacobian, strict=True):
+            grown = half * values.reshape(count, n)[:, 1:] - linear.stretched[row, column][cases]
+            over_states[:, :, MOVING.index(column)] -= grown * mu[row]
+        gradient = self.gradient(cases)
+        gradient[:, : n - 1] -= half * problem.bank_rate_limit * mu[BANK]
+        by_time = t.half_free * rates.reshape(N_STATES, count, n)[:, :, 1:]
+        for (state, _), values in zip(first.nonzeros[2], over_time, strict=True):
+            by_time[state] += half * t.node_free[1:] * values.reshape(count, n)[:, 1:]
+        for of_state, rate in zip(mu, by_time, strict=True):
+            gradient[:, -2] -= problem.scaling.final_time * (of_state * rate).sum(axis=1)
+        start = t.mesh.segments[0]
+        on_start = mu[BANK][:, start.collocation] * start.rule.derivative[:, 0]
+        gradient[:, -1] += on_start.sum(axis=1)
+        return gradient, over_states
 
     def final_gradient(self, cases: Cases) -> Array:
         """Of λᵀe over the final states, (k, 7)."""
@@ -316,8 +322,7 @@ class _Newton:
         self.final_time[cases] += z[:, -2] * self.problem.scaling.final_time
         self.multipliers[cases] += multipliers
         size = np.maximum(np.abs(change[BANK]).max(axis=1), np.abs(z[:, -2]))
-        for case, one in zip(cases, size, strict=True):
-            self.record(int(case), float(one))
+        self.record(cases, size)
         return size, system.curvature.bent(change[:, :, 1:].transpose(1, 2, 0), z[:, -2], cases)
 
     def restore(self, linear: CondensedFamily, chosen: Flags, last: Array) -> Flags:
@@ -375,35 +380,35 @@ class _Newton:
         self.x, self.path = self.x[:, chosen], self.path[:, chosen]
         self.final_time, self.multipliers = self.final_time[chosen], self.multipliers[chosen]
 
-    def cost(self, case: int) -> Cost:
-        """Cost of one case without the target's."""
-        here = Iterate(self.x[:, case].T, self.u[case], float(self.final_time[case]))
-        nothing = np.zeros((len(here.states), 0))
-        return cost_of(self.problem.objective, self.transcription, here, nothing)
-
-    def record(self, case: int, size: float) -> None:
-        """One row of a log."""
-        total = self.total(case)
-        self.logs[case].append(
-            IterationRecord(
-                iteration=len(self.logs[case]) + 1,
-                cost=total,
-                merit=total,
-                step=size,
-                final_time=float(self.final_time[case]),
-                trust_radius=LARGEST_STEP,
-                ratio=1.0,
-                accepted=True,
-                subproblem="Solved",
+    def record(self, cases: Cases, size: Array) -> None:
+        """One row of the logs of `cases`."""
+        for case, total, step in zip(cases, self.totals(cases), size, strict=True):
+            self.logs[case].append(
+                IterationRecord(
+                    iteration=len(self.logs[case]) + 1,
+                    cost=float(total),
+                    merit=float(total),
+                    step=float(step),
+                    final_time=float(self.final_time[case]),
+                    trust_radius=LARGEST_STEP,
+                    ratio=1.0,
+                    accepted=True,
+                    subproblem="Solved",
+                )
             )
-        )
 
-    def total(self, case: int) -> float:
-        """Cost in the mission's units."""
-        problem = self.problems[case]
-        error = problem.target.error(self.x[:, case, -1])
-        total = self.cost(case).total + problem.target.quadratic(error)
-        return float(total * problem.objective.cost_scale)
+    def totals(self, cases: Cases) -> Array:
+        """Costs in the mission's units, (k,)."""
+        t, objective, final_time = (
+            self.transcription,
+            self.problem.objective,
+            self.final_time[cases],
+        )
+        quadrature = (t.half_fixed + t.half_free * final_time[:, None]) * t.weights
+        total = objective.effort * (quadrature * self.u[cases] ** 2).sum(axis=1)
+        total += objective.final_time * final_time
+        total += (self.problem.target.weight * self.errors(cases) ** 2).sum(axis=1)
+        return np.asarray(total * objective.cost_scale)
 
     def trajectory(self, case: int, seconds: float) -> Trajectory:
         """One converged case in SI."""
@@ -411,7 +416,7 @@ class _Newton:
         excess = limit_excess(self.path[:, case].T)
         status: Status = verdict(settings, problem, self.x[:, case, -1], excess, bought_off=False)
         rate = self.transcription.nodal_rate(self.u[case]) * problem.bank_rate_limit
-        cost, rows = self.total(case), self.logs[case]
+        cost, rows = float(self.totals(np.array([case]))[0]), self.logs[case]
         log = (*rows[:-1], replace(rows[-1], cost=cost, merit=cost))  # restored since
         return Trajectory(
             mesh=problem.mesh,

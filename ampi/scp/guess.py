@@ -95,7 +95,7 @@ def _fly(
         events.append(leaves_corridor)
     while times[-1] < LONGEST_FLIGHT:
         span = (times[-1], LONGEST_FLIGHT)
-        leg = solve_ivp(rates, span, state, events=events, rtol=1e-5, atol=1e-9, dense_output=True)
+        leg = solve_ivp(rates, span, state, events=events, rtol=1e-7, atol=1e-9, dense_output=True)
         if leg.status != 1 or leg.sol is None:
             return times, None
         times.append(float(leg.t[-1]))
