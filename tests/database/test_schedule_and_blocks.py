@@ -135,6 +135,7 @@ def test_a_block_at_the_edge_is_copied_as_hdf5_would_write_it(tmp_path: Path) ->
                 chunks=(3,),
                 shuffle=True,
                 compression="gzip",
+                compression_opts=1,
                 fletcher32=True,
             )
         for piece in pieces:
