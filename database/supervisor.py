@@ -194,9 +194,10 @@ class Supervisor:
                     deaths_flushing += 1
                 else:
                     deaths += 1
-                if deaths == DEATHS or deaths_flushing == MISFORTUNES:
-                    job.give_up(f"Its worker process died {DEATHS} times, by {lost.cause}.")
-                    return
+                for times, most in ((deaths, DEATHS), (deaths_flushing, MISFORTUNES)):
+                    if times == most:
+                        job.give_up(f"Its worker process died {times} times, by {lost.cause}.")
+                        return
             else:
                 return
 

@@ -187,7 +187,7 @@ def _solve(toml: str, barrier: str, entry_state: Array, start: Point) -> Point:
 
 
 def compare(mission: Mission, n_jobs: int) -> dict[str, Any]:
-    """Ours and theirs, one after the other, in this run; of ours, which is short, the median of three."""
+    """Ours and theirs, one after the other, in this run; of ours, which is short, medians of three."""
     whole = _median([whole_build(mission, n_jobs) for _ in range(3)])
     theirs = build(mission, n_jobs)  # once: its processes stay, and would start no second time
     mine = _median([ours(mission, n_jobs) for _ in range(3)])
@@ -240,11 +240,11 @@ def whole_build(mission: Mission, n_jobs: int) -> dict[str, Any]:
 
 
 PHASES = {
-    "derivatives": "vectorised.py",
-    "condensing": "family_condensing.py",
-    "prediction": "prediction.py",
-    "records": "records.py",
-    "Newton step and the rest of the iteration": "family.py",
+    "derivatives": ("/vectorised.py",),
+    "condensing": ("/family_condensing.py",),
+    "prediction": ("/prediction.py",),
+    "records": ("/records.py",),
+    "Newton step and the rest of the iteration": ("/family.py", "/family_system.py"),
 }
 
 
@@ -281,7 +281,7 @@ def phases(mission: Mission, portions: int = 12) -> dict[str, float]:
 
 
 def _phase_of(file: str) -> str | None:
-    return next((phase for phase, name in PHASES.items() if file.endswith(f"/{name}")), None)
+    return next((phase for phase, names in PHASES.items() if file.endswith(names)), None)
 
 
 def build(mission: Mission, n_jobs: int, sample: int = 12) -> dict[str, Any]:

@@ -6,11 +6,16 @@ import os
 import signal
 import sys
 import time
+from collections.abc import Callable
+from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import dataclass
+from pathlib import Path
 
 import database
 from ampi.dataset import read_dataset
 from ampi.missions.mission import Mission, load_mission
 from ampi.trajectory import Trajectory
+from database.jobs import Job
 from database.stand_in import neighbour_moved
 
 
@@ -52,6 +57,46 @@ def crashes(mission: Mission, *, guess: Trajectory | None = None) -> Trajectory:
     if _fast(mission):
         os.kill(os.getpid(), signal.SIGSEGV)
     return moved(mission, guess)
+
+
+@dataclass(frozen=True)
+class Marking(Job):
+    """Leaves a mark in a folder at every turn; waits or dies where it is told to."""
+
+    folder: Path
+    name: str
+    flush_waits_for: str = ""
+    dies_once: bool = False  # while it computes
+    dies_flushing: bool = False  # always
+
+    @property
+    def result(self) -> Path:
+        return self.folder / self.name
+
+    @property
+    def kept(self) -> bool:
+        return False
+
+    def compute(self, announce: Callable[[int], None]) -> Future[None]:
+        turns = len(list(self.folder.glob(f"{self.name} *")))
+        (self.folder / f"{self.name} {turns} by {os.getpid()}").touch()
+        if self.dies_once and turns == 0:
+            os.kill(os.getpid(), signal.SIGKILL)
+        return ThreadPoolExecutor(1).submit(self._flush)
+
+    def _flush(self) -> None:
+        if self.dies_flushing:
+            time.sleep(0.2)  # until the supervisor knows that this is all that is left
+            os.kill(os.getpid(), signal.SIGKILL)
+        while self.flush_waits_for and not list(self.folder.glob(f"{self.flush_waits_for} *")):
+            time.sleep(0.01)
+        self.result.touch()
+
+    def without(self, attempt: int) -> Marking:
+        raise AssertionError
+
+    def give_up(self, reason: str) -> None:
+        self.result.write_text(reason)
 
 
 def main() -> None:

@@ -10,6 +10,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from pathlib import Path
 from types import ModuleType
@@ -118,6 +119,55 @@ def test_an_idle_worker_that_dies_is_replaced(small_mission: Mission, tmp_path: 
         worker.process.wait()
     supervisor.close()
     assert len(list(tmp_path.glob("case_*.rec"))) == 3
+
+
+def turns(folder: Path, name: str) -> list[str]:
+    """The processes that have computed a `Marking`."""
+    return [path.name.split()[-1] for path in sorted(folder.glob(f"{name} *"))]
+
+
+def supervised(folder: Path, *jobs: Any) -> None:
+    """Each once the one before has been computed, on one worker."""
+    supervisor, submitted = Supervisor(most=1), []
+    with ThreadPoolExecutor(len(jobs)) as pool:
+        for job in jobs:
+            submitted.append(pool.submit(supervisor.run, job))
+            while not turns(folder, job.name) and not submitted[-1].done():
+                time.sleep(0.01)
+        for done in submitted:
+            done.result()
+    supervisor.close()
+
+
+def test_a_worker_takes_the_next_job_while_it_flushes_the_last(
+    misbehaving: ModuleType, tmp_path: Path
+) -> None:
+    """The first can only be kept once the second is computed."""
+    first = misbehaving.Marking(tmp_path, "first", flush_waits_for="second")
+    supervised(tmp_path, first, misbehaving.Marking(tmp_path, "second"))
+    assert first.result.exists()
+    assert turns(tmp_path, "first") == turns(tmp_path, "second")
+
+
+def test_what_is_being_flushed_when_the_worker_dies_runs_again(
+    misbehaving: ModuleType, tmp_path: Path
+) -> None:
+    first = misbehaving.Marking(tmp_path, "first", flush_waits_for="second")
+    second = misbehaving.Marking(tmp_path, "second", dies_once=True)
+    supervised(tmp_path, first, second)
+    for job in (first, second):
+        assert job.result.read_text() == ""  # kept, not given up
+        assert len(set(turns(tmp_path, job.name))) == 2
+
+
+def test_a_flush_that_always_kills_its_worker_is_given_up(
+    misbehaving: ModuleType, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("database.supervisor.MISFORTUNES", 2)
+    job = misbehaving.Marking(tmp_path, "first", dies_flushing=True)
+    supervised(tmp_path, job)
+    assert job.result.read_text() == "Its worker process died 2 times, by SIGKILL."
+    assert len(turns(tmp_path, "first")) == 2
 
 
 @contextmanager
