@@ -20,6 +20,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 from joblib import Parallel, delayed
+from joblib.externals.loky import get_reusable_executor
 from numpy.typing import NDArray
 
 import ampi
@@ -187,10 +188,10 @@ def _solve(toml: str, barrier: str, entry_state: Array, start: Point) -> Point:
 
 
 def compare(mission: Mission, n_jobs: int) -> dict[str, Any]:
-    """Ours and theirs, one after the other, in this run; of ours, which is short, medians of three."""
-    whole = _median([whole_build(mission, n_jobs) for _ in range(3)])
-    theirs = build(mission, n_jobs)  # once: its processes stay, and would start no second time
-    mine = _median([ours(mission, n_jobs) for _ in range(3)])
+    """Ours and theirs, one after the other, in this run; medians of three."""
+    whole, theirs, mine = (
+        _median([run(mission, n_jobs) for _ in range(3)]) for run in (whole_build, build, ours)
+    )
     a, b = np.array(mine.pop("costs")), np.array(theirs.pop("costs"))
     return {
         "cases": len(a),
@@ -302,6 +303,7 @@ def build(mission: Mission, n_jobs: int, sample: int = 12) -> dict[str, Any]:
         for barrier in BARRIERS
     }
     barrier = min(medians, key=lambda name: medians[name])
+    get_reusable_executor().shutdown(wait=True)  # ours starts its processes, too
     began = time.perf_counter()
     points: dict[int, Point] = {plan[0][0].case: nominal}
     with Parallel(n_jobs=n_jobs) as pool:
