@@ -16,6 +16,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from functools import lru_cache
 from itertools import combinations
 
 import numpy as np
@@ -31,10 +32,16 @@ def corners(grid: Grid, case: int) -> list[tuple[int, int]]:
     offset = np.array(np.unravel_index(case, grid.shape)) - np.array(grid.centre)
     strides = np.cumprod([1, *grid.shape[:0:-1]])[::-1]  # of case numbers, in C order
     steps = (np.sign(offset) * strides)[offset != 0].tolist()[:MOST_AXES]
+    return [(sign, case - step) for sign, step in _terms(tuple(steps))]
+
+
+@lru_cache(maxsize=1024)  # few: the signs of the displaced axes
+def _terms(steps: tuple[int, ...]) -> list[tuple[int, int]]:
+    """(sign, step) of Eq. (1) for one step along each axis."""
     if len(steps) < 2:
         return []
     return [
-        (1 if size % 2 else -1, case - sum(chosen))
+        (1 if size % 2 else -1, sum(chosen))
         for size in range(1, len(steps) + 1)
         for chosen in combinations(steps, size)
     ]

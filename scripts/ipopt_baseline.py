@@ -260,7 +260,7 @@ def phases(mission: Mission, portions: int = 12) -> dict[str, float]:
             enough = measured == portions
             if isinstance(job, SolveTogether) and len(job.planned) > 12 and not enough:
                 measured += 1
-                profile.runcall(job.run, lambda attempt: None)
+                profile.runcall(job.compute, lambda attempt: None).result()
             elif not job.kept:
                 job.run(lambda attempt: None)
             if enough:

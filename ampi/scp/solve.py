@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Hashable, Sequence
+from contextlib import AbstractContextManager, nullcontext
 from functools import lru_cache
 from typing import TYPE_CHECKING
 
@@ -86,7 +88,7 @@ def solve(
         nodal = None if start is None else nodal_guess(mission, start)
         return ExactHessianIteration(problem, chosen).run(nodal, warm=isinstance(guess, Trajectory))
 
-    with _blas().limit(limits=1):  # measured: threads more than double the time of small matrices
+    with _one_blas_thread():  # measured: threads more than double the time of small matrices
         if refinement is None:
             return solve_on(mission, guess)
         return refine(mission, solve_on, guess=guess, settings=refinement)
@@ -122,7 +124,7 @@ def solve_family(
         if guess.mesh == problem.mesh and guess.target_multipliers is not None:
             alike.setdefault(kind(problem), []).append(case)
     found: list[Trajectory | None] = [None] * len(problems)
-    with _blas().limit(limits=1):
+    with _one_blas_thread():
         for cases in alike.values():
             starts = [from_trajectory(guesses[c], missions[c]) for c in cases]
             for place, solution in newton([problems[c] for c in cases], starts, settings):
@@ -140,13 +142,20 @@ def _by_the_literature(
     if guess is not None:
         section = GuessSection.model_construct(bank_angle=guess.bank_angle)
         mission = mission.model_copy(update={"guess": section})
-    with _blas().limit(limits=1):
+    with _one_blas_thread():
         found = solve_by(mission, METHODS[method], subproblem or solve_sparse_subproblem)
     if found is not None:
         return found.trajectory
     mesh = mission.pseudospectral_mesh
     nothing = np.full((7, mesh.n_nodes), np.nan)
     return Trajectory(mesh, nothing, nothing[0], np.nan, np.nan, Status.GUESS_FAILED)
+
+
+def _one_blas_thread() -> AbstractContextManager[object]:
+    """The matrices are small: threads cost more than they save."""
+    if all(os.environ.get(name) == "1" for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS")):
+        return nullcontext()  # a worker of a build, say: it had that set before BLAS was loaded
+    return _blas().limit(limits=1)
 
 
 @lru_cache(maxsize=1)
