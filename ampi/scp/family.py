@@ -43,6 +43,7 @@ from ampi.scp.family_condensing import (
     FamilyCurvature,
     condense_family,
     family_dynamics,
+    with_final_time,
 )
 from ampi.scp.family_system import NewtonSystem
 from ampi.scp.guess import NodalGuess
@@ -249,19 +250,16 @@ class _Newton:
 
         The latter is what h (∂f/∂x)ᵀ μ has changed since `linear`; `derivatives` are at the new points.
         """
-        problem, t, first = self.problem, self.transcription, family_dynamics(self.problem).first
+        problem, t, dynamics = self.problem, self.transcription, family_dynamics(self.problem)
         count, n = len(cases), self.x.shape[2]
-        rates, jacobian, over_time = derivatives
         half = t.half_fixed + t.half_free * self.final_time[cases, None]
         over_states = np.zeros((count, n - 1, len(MOVING)))
-        for (row, column), values in zip(first.nonzeros[1], jacobian, strict=True):
+        for (row, column), values in zip(dynamics.first.nonzeros[1], derivatives[1], strict=True):
             grown = half * values.reshape(count, n)[:, 1:] - linear.stretched[row, column][cases]
             over_states[:, :, MOVING.index(column)] -= grown * mu[row]
         gradient = self.gradient(cases)
         gradient[:, : n - 1] -= half * problem.bank_rate_limit * mu[BANK]
-        by_time = t.half_free * rates.reshape(N_STATES, count, n)[:, :, 1:]
-        for (state, _), values in zip(first.nonzeros[2], over_time, strict=True):
-            by_time[state] += half * t.node_free[1:] * values.reshape(count, n)[:, 1:]
+        _, by_time = with_final_time(t, dynamics, derivatives, half)
         for of_state, rate in zip(mu, by_time, strict=True):
             gradient[:, -2] -= problem.scaling.final_time * (of_state * rate).sum(axis=1)
         start = t.mesh.segments[0]

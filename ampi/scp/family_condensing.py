@@ -256,17 +256,13 @@ def condense_family(
     """Z of every case, from `dynamics.first` at all nodes, case by case, and `final_time` (c,)."""
     cases, n = len(final_time), t.mesh.n_nodes
     n_z = n + 1
-    f, jacobian, over_time = derivatives
+    jacobian = derivatives[1]
     half = t.half_fixed + t.half_free * final_time[:, None]
     stretched = {
         entry: half * row.reshape(cases, n)[:, 1:]
         for entry, row in zip(dynamics.first.nonzeros[1], jacobian, strict=True)
     }
-    time_derivative = np.zeros((N_STATES, cases, n - 1))
-    for (state, _), row in zip(dynamics.first.nonzeros[2], over_time, strict=True):
-        time_derivative[state] = row.reshape(cases, n)[:, 1:]
-    by_time = t.half_free * f.reshape(N_STATES, cases, n)[:, :, 1:]
-    by_time += half * t.node_free[1:] * time_derivative
+    time_derivative, by_time = with_final_time(t, dynamics, derivatives, half)
     by_time *= problem.scaling.final_time
 
     moving = np.zeros((cases, n, len(MOVING), n_z))
@@ -302,6 +298,20 @@ def condense_family(
     return CondensedFamily(
         problem, t, half, stretched, time_derivative, tuple(factors), moving, along
     )
+
+
+def with_final_time(
+    t: RadauTranscription, dynamics: FamilyDynamics, derivatives: list[Array], half: Array
+) -> tuple[Array, Array]:
+    """∂f/∂t and ∂(h f)/∂t_f at the collocation points, (7, c, n − 1), from `dynamics.first`."""
+    cases, points = half.shape
+    f, _, over_time = derivatives
+    time_derivative = np.zeros((N_STATES, cases, points))
+    for (state, _), row in zip(dynamics.first.nonzeros[2], over_time, strict=True):
+        time_derivative[state] = row.reshape(cases, -1)[:, 1:]
+    by_time = t.half_free * f.reshape(N_STATES, cases, -1)[:, :, 1:]
+    by_time += half * t.node_free[1:] * time_derivative
+    return time_derivative, by_time
 
 
 def _right_sides(s: Segment, stretched: Entries, bank: Array, by_time: Array) -> Array:
