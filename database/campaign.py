@@ -42,9 +42,7 @@ class Campaign:
     solver: Solver = solve
     time_limit: float = TIME_LIMIT  # s, of one solve
     gains: GainSettings = field(default_factory=GainSettings)
-    build: str = (
-        ""  # which build of this folder: within one, a record never changes once it is kept
-    )
+    build: str = ""  # which build of this folder: in one, a record never changes once kept
 
     @property
     def together(self) -> bool:

@@ -118,9 +118,10 @@ def record_path(folder: Path, case: int) -> Path:
     return folder / f"case_{case:06d}.rec"
 
 
-def recorded_cases(folder: Path) -> set[int]:
-    """Cases with a file, whole or not."""
-    return {int(file.stem.removeprefix("case_")) for file in folder.glob("case_*.rec")}
+def recorded_cases(folder: Path, count: int) -> set[int]:
+    """Those of the first `count` cases that have a file, whole or not."""
+    names = {file.name for file in folder.glob("case_*.rec")}
+    return {case for case in range(count) if record_path(folder, case).name in names}
 
 
 def save_records(folder: Path, records: Iterable[CaseRecord]) -> None:

@@ -12,7 +12,7 @@ from collections import defaultdict
 from collections.abc import Callable, Collection, Mapping
 
 from database.engines import Engine
-from database.jobs import Job
+from database.jobs import Job, JobError
 
 
 def run_jobs(
@@ -58,6 +58,11 @@ def run_jobs(
             under_way -= 1
             if error is not None:
                 raise error
+            if not jobs[name].result.exists():
+                raise JobError(
+                    f"{name}: its result is not in {jobs[name].result.parent}; the workers must see the "
+                    "same folder as this process: choose a path on a shared file system"
+                )
             done.append(name)
         name = done.pop()
         for waiting in waited_for.pop(name, ()):

@@ -32,7 +32,7 @@ from itertools import count
 from pathlib import Path
 
 from database.jobs import Job, JobError
-from database.worker import START, Began, Computed, Kept, Message, Raised
+from database.worker import START, Began, Computed, Kept, Message, Raised, Ready
 
 DEATHS = 3
 MISFORTUNES = 30  # deaths while its result was being flushed: so many are no accident either
@@ -91,7 +91,8 @@ class Worker:
 
     def wait_ready(self) -> None:
         """Until its imports are done."""
-        self._next(START, -1, computed=False)
+        if not isinstance(self._next(START, -1, computed=False), Ready):
+            raise JobError("worker: its first message was not that it is ready")
 
     def run(self, job: Job, free: Callable[[], None]) -> None:
         """Until the job's result is kept; calls `free` once the next job may be sent.
@@ -155,16 +156,18 @@ class Worker:
         return message
 
     def _listen(self) -> None:
-        """Until the worker's end of file, or half a message."""
+        """Until the worker's end of file, or half a message; whatever ends it, nobody waits on."""
         assert self.process.stdout is not None
-        with self.process.stdout as replies, suppress(EOFError, pickle.UnpicklingError):
-            while True:
-                number, message = pickle.load(replies)
-                self._inboxes[number].put(message)
-        with self._lock:
-            self._over = True
-            for inbox in self._inboxes.values():
-                inbox.put(None)
+        try:
+            with self.process.stdout as replies, suppress(EOFError, pickle.UnpicklingError):
+                while True:
+                    number, message = pickle.load(replies)
+                    self._inboxes[number].put(message)
+        finally:
+            with self._lock:
+                self._over = True
+                for inbox in self._inboxes.values():
+                    inbox.put(None)
 
 
 class Supervisor:

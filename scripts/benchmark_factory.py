@@ -47,19 +47,15 @@ def mission_with_grid(points: int, dimensions: int) -> ampi.Mission:
 
 
 def confine(cores: int) -> None:
-    """Leave this process and its workers so many cores, where the system can.
-
-    Else a build with one worker has the machine's other cores for its driver and its flushes, and one
-    with as many workers as cores has none: that would compare more than workers.
-    """
+    """Leave this process and its workers so many cores, where the system can."""
     if hasattr(os, "sched_setaffinity"):
         os.sched_setaffinity(0, sorted(os.sched_getaffinity(0))[:cores])
 
 
-def build_once(points: int, dimensions: int, jobs: int, solver: str) -> dict[str, Any]:
+def build_once(points: int, dimensions: int, jobs: int, solver: str, cores: int) -> dict[str, Any]:
     """One build in this process, with its memory; meant to be the only thing the process does."""
     mission = mission_with_grid(points, dimensions)
-    confine(jobs)
+    confine(cores)
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "grid.h5"
         began = time.perf_counter()
@@ -82,9 +78,11 @@ def build_once(points: int, dimensions: int, jobs: int, solver: str) -> dict[str
         }
 
 
-def in_a_process(points: int, dimensions: int, jobs: int, solver: str) -> dict[str, Any]:
+def in_a_process(
+    points: int, dimensions: int, jobs: int, solver: str, cores: int = 2
+) -> dict[str, Any]:
     """`build_once` in a process of its own."""
-    arguments = [str(points), str(dimensions), str(jobs), solver]
+    arguments = [str(points), str(dimensions), str(jobs), solver, str(cores)]
     done = subprocess.run(
         [sys.executable, __file__, "--once", *arguments], stdout=subprocess.PIPE, check=True
     )
@@ -150,11 +148,12 @@ def main() -> None:
     parser.add_argument("--json", action="store_true", help="print the numbers as JSON")
     parser.add_argument("--repeats", type=int, default=3, help="of the builds that are compared")
     parser.add_argument("--points", type=int, default=5, help="per axis, of the runner's six")
-    parser.add_argument("--once", nargs=4, help=argparse.SUPPRESS)
+    parser.add_argument("--once", nargs=5, help=argparse.SUPPRESS)
     arguments = parser.parse_args()
     if arguments.once:
-        points, dimensions, jobs, solver = arguments.once
-        print(json.dumps(build_once(int(points), int(dimensions), int(jobs), solver)))
+        points, dimensions, jobs, solver, cores = arguments.once
+        found = build_once(int(points), int(dimensions), int(jobs), solver, int(cores))
+        print(json.dumps(found))
         return
     found = measure(arguments)
     print(json.dumps(found, indent=1) if arguments.json else table(found))

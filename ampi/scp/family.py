@@ -220,7 +220,9 @@ class _Newton:
         error = self.errors(self.everyone) + shift[:, -1, self.problem.target.state]
         z, multipliers = system.solution(gradient, error, self.everyone)
         self.multipliers = np.zeros_like(self.multipliers)
-        return self.take(self.everyone, system, z, shift, multipliers)
+        size, bent = self.take(self.everyone, system, z, shift, multipliers)
+        self.record(self.everyone, size, "Solved")
+        return size, bent
 
     def simplified_step(self, system: NewtonSystem, along: Array, cases: Cases) -> Array:
         """One more step of `cases` with the matrices of the last: its size (k,).
@@ -240,6 +242,7 @@ class _Newton:
         error -= system.give * self.multipliers[cases]
         z, multipliers = system.solution(gradient, error, cases)
         size, bent = self.take(cases, system, z, shift, multipliers)
+        self.record(cases, size, "Simplified")
         along[cases] += left + bent
         return size
 
@@ -320,7 +323,6 @@ class _Newton:
         self.final_time[cases] += z[:, -2] * self.problem.scaling.final_time
         self.multipliers[cases] += multipliers
         size = np.maximum(np.abs(change[BANK]).max(axis=1), np.abs(z[:, -2]))
-        self.record(cases, size)
         return size, system.curvature.bent(change[:, :, 1:].transpose(1, 2, 0), z[:, -2], cases)
 
     def restore(self, linear: CondensedFamily, chosen: Flags, last: Array) -> Flags:
@@ -378,7 +380,7 @@ class _Newton:
         self.x, self.path = self.x[:, chosen], self.path[:, chosen]
         self.final_time, self.multipliers = self.final_time[chosen], self.multipliers[chosen]
 
-    def record(self, cases: Cases, size: Array) -> None:
+    def record(self, cases: Cases, size: Array, subproblem: str) -> None:
         """One row of the logs of `cases`."""
         for case, total, step in zip(cases, self.totals(cases), size, strict=True):
             self.logs[case].append(
@@ -391,7 +393,7 @@ class _Newton:
                     trust_radius=LARGEST_STEP,
                     ratio=1.0,
                     accepted=True,
-                    subproblem="Solved",
+                    subproblem=subproblem,
                 )
             )
 

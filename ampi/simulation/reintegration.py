@@ -31,7 +31,7 @@ from ampi.trajectory import Trajectory
 
 Array = NDArray[np.float64]
 
-TOLERANCE = 1e-7  # relative, per case
+TOLERANCE = 3e-8  # relative, per case
 SIZES = np.array([1e4, 0.1, 0.1, 1e3, 0.01, 0.1])  # m, rad, m/s: what counts as small
 
 

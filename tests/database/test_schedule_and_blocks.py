@@ -18,7 +18,7 @@ from hypothesis import strategies as st
 from ampi.file_sink import FileSink
 from database.blocks import BLOCK_CASES, blocks
 from database.hdf5_file import _copy_block, decoded_block, encoded_block
-from database.jobs import Job
+from database.jobs import Job, JobError
 from database.schedule import run_jobs
 
 shapes = st.lists(st.integers(1, 5), min_size=1, max_size=6).map(tuple)
@@ -53,6 +53,7 @@ class Named:
 
     name: str
     kept: bool = False
+    result: Path = Path(__file__)
 
 
 @dataclass
@@ -100,6 +101,12 @@ def test_no_job_runs_before_what_it_needs(seed: int) -> None:
 def test_what_a_job_raises_ends_the_run() -> None:
     with pytest.raises(RuntimeError, match="boom"):
         run_jobs({"bad": Named("bad")}, {"bad": ["met already"]}, ShuffledEngine(0), print)  # type: ignore[dict-item]
+
+
+def test_a_result_that_is_not_there_ends_the_run(tmp_path: Path) -> None:
+    jobs = {"lost": Named("lost", result=tmp_path / "nowhere")}
+    with pytest.raises(JobError, match=rf"lost: its result is not in {tmp_path}; the workers must"):
+        run_jobs(jobs, {"lost": []}, ShuffledEngine(0), print)  # type: ignore[arg-type]
 
 
 def test_a_sink_takes_everything_and_tells_later(tmp_path: Path) -> None:

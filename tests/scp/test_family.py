@@ -74,12 +74,14 @@ def test_the_optima_are_those_of_the_general_method(
 def test_the_logs_converge_like_newtons(together: list[Trajectory]) -> None:
     """The first simplified step is of second order in Newton's, the next ones contract."""
     for found in together:
-        steps = [row.step for row in found.statistics.log]
-        assert len(steps) == found.statistics.iterations <= 6
+        log = found.statistics.log
+        steps, kinds = [row.step for row in log], [row.subproblem for row in log]
+        assert len(steps) == found.statistics.iterations
+        assert kinds.count("Solved") <= 2
         assert steps[-1] < 3e-4
-        assert min(after / before**2 for before, after in pairwise(steps)) < 10.0
-        assert all(after < 0.5 * before for before, after in pairwise(steps))
-        assert found.statistics.log[-1].cost == pytest.approx(found.cost, rel=1e-12)
+        for (before, after), kind in zip(pairwise(steps), kinds, strict=False):
+            assert after < (10.0 * before**2 if kind == "Solved" else 0.5 * before)
+        assert log[-1].cost == pytest.approx(found.cost, rel=1e-12)
 
 
 def test_no_bit_depends_on_the_company(
