@@ -138,7 +138,7 @@ def table(found: dict[str, Any]) -> str:
         )
     lines += [
         "",
-        "| grid | one worker on one core | one on two | two on two | efficiency, of cores | of workers |",
+        "| grid | one worker, one core | one, two cores | two, two | efficiency: cores | workers |",
         "|---|---|---|---|---|---|",
     ]
     for p in found["parallel"]:
