@@ -35,7 +35,6 @@ from ampi.scp.solve import solve
 from ampi.trajectory import Status, Trajectory
 from database.blocks import Block, blocks
 from database.campaign import TIME_LIMIT, Campaign, Solver, solver_name
-from database.continuation import layers
 from database.engines import ClusterEngine, Engine, LocalEngine
 from database.gains import GainSettings
 from database.hdf5_file import decoded_block
@@ -46,12 +45,12 @@ from database.records import (
     CaseRecord,
     block_path,
     discard_records,
+    keeping_records,
     load_block,
     load_record,
     read_fingerprint,
     record_path,
     recorded_cases,
-    save_records,
     write_fingerprint,
 )
 from database.schedule import run_jobs
@@ -167,7 +166,7 @@ def build(
         for case, optimum in (known or {}).items():
             if load_record(folder, case, mission) is None:
                 record = CaseRecord(case, optimum.trajectory, optimum.message, 0, 0.0)
-                save_records(folder, [record])
+                keeping_records(folder, [record])()
         return _Build(campaign, path, engine, advance or (lambda count: None)).run()
 
 
@@ -189,8 +188,7 @@ class _Build:
     def run(self) -> BuildReport:
         """From what is kept to the whole file."""
         campaign, grid = self.campaign, self.campaign.grid
-        plan = [planned for layer in layers(grid) for planned in layer]
-        nominal = plan[0].case
+        nominal = int(np.ravel_multi_index(grid.centre, grid.shape))
         parts = list(blocks(grid.shape))
         present = recorded_cases(campaign.folder, grid.size)
         kept = {case for case in present if self.record(case) is not None}
