@@ -1,0 +1,54 @@
+"""Results on their way to the disk: whole or absent, whatever the disk does."""
+
+from __future__ import annotations
+
+import errno
+import os
+from pathlib import Path
+
+import pytest
+
+from database.records import keeping
+
+
+def open_files() -> set[str]:
+    return set(os.listdir("/proc/self/fd"))
+
+
+def test_targets_appear_when_they_are_flushed_and_not_before(tmp_path: Path) -> None:
+    results = {str(tmp_path / name): name.encode() * 1000 for name in ("one", "two", "three")}
+    keep = keeping(results)
+    assert not [name for name in os.listdir(tmp_path) if not name.endswith(".tmp")]
+    keep()
+    assert sorted(os.listdir(tmp_path)) == ["one", "three", "two"]
+    assert all(Path(target).read_bytes() == raw for target, raw in results.items())
+
+
+def test_a_disk_that_takes_a_part_is_given_the_rest(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    write = os.write
+    monkeypatch.setattr(os, "write", lambda file, raw: write(file, raw[:7]))
+    keeping({str(tmp_path / "result"): bytes(range(100))})()
+    assert (tmp_path / "result").read_bytes() == bytes(range(100))
+
+
+@pytest.mark.parametrize(("call", "kept"), [("write", 0), ("fsync", 0), ("replace", 1)])
+@pytest.mark.skipif(not Path("/proc/self/fd").is_dir(), reason="counts open files in /proc")
+def test_a_disk_that_refuses_leaves_no_open_files_and_no_parts(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, call: str, kept: int
+) -> None:
+    original, calls = getattr(os, call), []
+
+    def second_fails(*arguments: object) -> object:
+        calls.append(arguments)
+        if len(calls) == 2:
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        return original(*arguments)
+
+    before = open_files()
+    monkeypatch.setattr(os, call, second_fails)
+    with pytest.raises(OSError, match="No space left"):
+        keeping({str(tmp_path / name): b"result" for name in ("one", "two", "three")})()
+    assert len(os.listdir(tmp_path)) == kept
+    assert open_files() == before
