@@ -11,16 +11,17 @@ import pytest
 from database.records import keeping
 
 
-def open_files() -> set[str]:
-    return set(os.listdir("/proc/self/fd"))
+def names(folder: Path) -> list[str]:
+    return sorted(entry.name for entry in folder.iterdir())
 
 
 def test_targets_appear_when_they_are_flushed_and_not_before(tmp_path: Path) -> None:
     results = {str(tmp_path / name): name.encode() * 1000 for name in ("one", "two", "three")}
     keep = keeping(results)
-    assert not [name for name in os.listdir(tmp_path) if not name.endswith(".tmp")]
+    assert len(names(tmp_path)) == 3
+    assert all(name.endswith(".tmp") for name in names(tmp_path))
     keep()
-    assert sorted(os.listdir(tmp_path)) == ["one", "three", "two"]
+    assert names(tmp_path) == ["one", "three", "two"]
     assert all(Path(target).read_bytes() == raw for target, raw in results.items())
 
 
@@ -46,9 +47,9 @@ def test_a_disk_that_refuses_leaves_no_open_files_and_no_parts(
             raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
         return original(*arguments)
 
-    before = open_files()
+    files = names(Path("/proc/self/fd"))
     monkeypatch.setattr(os, call, second_fails)
     with pytest.raises(OSError, match="No space left"):
         keeping({str(tmp_path / name): b"result" for name in ("one", "two", "three")})()
-    assert len(os.listdir(tmp_path)) == kept
-    assert open_files() == before
+    assert len(names(tmp_path)) == kept
+    assert names(Path("/proc/self/fd")) == files
