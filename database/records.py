@@ -108,8 +108,9 @@ def keeping(results: Mapping[str, bytes]) -> Callable[[], None]:
         with _cleared_away(files, temporaries):
             for file in files:
                 os.fsync(file)
-            for temporary, target in zip(temporaries, results, strict=True):
+            while files:
                 os.close(files.pop())
+            for temporary, target in zip(temporaries, results, strict=True):
                 os.replace(temporary, target)
 
     with _cleared_away(files, temporaries):
