@@ -96,10 +96,9 @@ class CaseRecord:
 def keeping(results: Mapping[str, bytes]) -> Callable[[], None]:
     """Write all under other names; what it returns flushes and renames: every target is whole or absent.
 
-    The kernel is told at once to bring them to the disk, so that the first flush waits for all and the
-    others find their work done: one after the other they cost three times the processor time. The folder
-    is not flushed: a loss of power may take back the last renames, and those results are worked out
-    again.
+    The kernel is told to bring them all to the disk before any is waited for. A flush then mostly finds
+    its work done; one by one, each would wait for the disk in its turn. The folder is not flushed: a loss
+    of power may take back the last renames, and those results are worked out again.
     """
     temporaries = [f"{target}.{os.getpid()}.tmp" for target in results]
     files: list[int] = []
@@ -164,7 +163,7 @@ def _record_name(case: int) -> str:
 
 
 def _record_file(folder: Path, case: int) -> str:
-    """`record_path` in a tenth of the time: a build asks for every case several times."""
+    """`record_path` as text: asking for a case is quicker than making a Path, and builds ask often."""
     return f"{folder}{os.sep}{_record_name(case)}"
 
 
