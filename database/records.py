@@ -97,8 +97,8 @@ def keeping(results: Mapping[str, bytes]) -> Callable[[], None]:
     """Write all under other names; what it returns flushes and renames: every target is whole or absent.
 
     The kernel is told to bring them all to the disk before any is waited for. A flush then mostly finds
-    its work done; one by one, each would wait for the disk in its turn. The folder is not flushed: a loss
-    of power may take back the last renames, and those results are worked out again.
+    its work done; one by one, each would wait for the disk in its turn. The folder is not flushed: a
+    loss of power may take back the last renames, and those results are worked out again.
     """
     temporaries = [f"{target}.{os.getpid()}.tmp" for target in results]
     files: list[int] = []
