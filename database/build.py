@@ -48,6 +48,7 @@ from database.records import (
     keeping_records,
     load_block,
     load_record,
+    no_parts,
     read_fingerprint,
     record_path,
     recorded_cases,
@@ -159,7 +160,12 @@ def build(
             f"solver: expected a function that workers can import, got {solver!r}; "
             "define it at the top of a module"
         ) from None
-    with _told(folder, path), exclusive(folder), _engine(n_jobs, client) as engine:
+    with (
+        _told(folder, path),
+        exclusive(folder),
+        no_parts(folder),
+        _engine(n_jobs, client) as engine,
+    ):
         if not resume:
             discard_records(folder)
         _claim(folder, campaign)

@@ -142,6 +142,24 @@ def _write(file: int, raw: bytes) -> None:
         left = left[os.write(file, left) :]
 
 
+@contextmanager
+def no_parts(folder: Path) -> Iterator[None]:
+    """Delete, before and after, what processes that were killed did not finish: it holds room.
+
+    A driver that dies leaves some to the next; one that gives up kills its workers as they write.
+    """
+    _delete_parts(folder)
+    try:
+        yield
+    finally:
+        _delete_parts(folder)
+
+
+def _delete_parts(folder: Path) -> None:
+    with suppress(FileNotFoundError):  # the folder: the file is whole
+        _delete([f"{folder}{os.sep}{name}" for name in os.listdir(folder) if name.endswith(".tmp")])
+
+
 def record_path(folder: Path, case: int) -> Path:
     """File of one case."""
     return folder / _record_name(case)
@@ -228,7 +246,7 @@ def read_fingerprint(folder: Path) -> dict[str, str] | None:
 
 def discard_records(folder: Path) -> None:
     """Empty the folder of records; what they belong to goes last, so no record is ever orphaned."""
-    kinds = re.compile(r"case_.*|block_.*|.*\.tmp|mission\.toml")
+    kinds = re.compile(r"case_.*|block_.*|mission\.toml")
     files = [f"{folder}{os.sep}{name}" for name in os.listdir(folder) if kinds.fullmatch(name)]
     with ThreadPoolExecutor(DELETERS) as pool:
         list(pool.map(_delete, (files[k::DELETERS] for k in range(DELETERS))))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import fcntl
 import os
 import resource
@@ -210,6 +211,29 @@ def test_a_full_disk_is_one_sentence_and_loses_nothing(
         report = database.build(small_mission, path, n_jobs=1, solver=neighbour_moved)
         assert report.resumed == kept
         assert path.read_bytes() == undisturbed
+
+
+def test_what_a_killed_process_did_not_finish_goes(
+    small_mission: Mission, undisturbed: bytes, tmp_path: Path
+) -> None:
+    """Before a build, another driver's; after one that gives up, what its workers were writing."""
+    path = tmp_path / "a.h5"
+    folder = partial_folder(path)
+    folder.mkdir()
+    of_another, of_a_worker = folder / "case_000001.rec.1.tmp", folder / "case_000008.rec.2.tmp"
+    of_another.touch()
+
+    def fails(count: int) -> None:
+        assert not of_another.exists()
+        of_a_worker.touch()
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    with pytest.raises(BuildError, match="make room and run the same build again"):
+        database.build(small_mission, path, n_jobs=1, solver=neighbour_moved, advance=fails)
+    assert folder.is_dir()
+    assert not list(folder.glob("*.tmp"))
+    database.build(small_mission, path, n_jobs=1, solver=neighbour_moved)
+    assert path.read_bytes() == undisturbed
 
 
 def test_the_file_too_large_for_its_disk_is_one_sentence(
