@@ -224,6 +224,8 @@ def test_control_c_keeps_the_cases_and_says_how_to_go_on(tmp_path: Path) -> None
         stderr=subprocess.PIPE,
         text=True,
         start_new_session=True,
+        # a shell's background jobs ignore the interrupt, and so do their children
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler),
     )
     records = tmp_path / "big.h5.partial"
     while process.poll() is None and len(list(records.glob("case_*.rec"))) < 5:
