@@ -6,8 +6,10 @@ never raise in flight: what is unusual is a flag (`Reference.clipped`, `Health`)
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from enum import IntEnum
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -41,7 +43,11 @@ class BankCommand:
 
 
 class Guidance:
-    """Onboard guidance from a table, in one mode."""
+    """Onboard guidance from a table, in one mode.
+
+    `limits` are the nominal vehicle's; `limit_axes` names those of them that are parameters, each with
+    its place in p: they are then what was measured.
+    """
 
     def __init__(
         self,
@@ -50,19 +56,46 @@ class Guidance:
         mode: Mode = Mode.AMPI,
         *,
         cycle: float = 0.5,
+        limit_axes: Mapping[str, int] | None = None,
         mission_sha256: str | None = None,
     ) -> None:
+        self.limit_axes = dict(limit_axes or {})
         self.table, self.limits, self.mode, self.cycle = table, limits, mode, cycle
         self.mission_sha256 = mission_sha256  # of the database's mission; None if made by hand
         self._generator = ReferenceGenerator(table, mode)
 
     def __reduce__(self) -> tuple[object, ...]:
         """Pickled as what it is made from; a worker allocates its own memory."""
-        return _restored, (self.table, self.limits, self.mode, self.cycle, self.mission_sha256)
+        return _restored, (self._settings(self.mode),)
 
     def in_mode(self, mode: Mode) -> Guidance:
         """The same table flown in another mode."""
-        return _restored(self.table, self.limits, mode, self.cycle, self.mission_sha256)
+        return Guidance(**self._settings(mode))
+
+    def _settings(self, mode: Mode) -> dict[str, Any]:
+        return {
+            "table": self.table,
+            "limits": self.limits,
+            "mode": mode,
+            "cycle": self.cycle,
+            "limit_axes": self.limit_axes,
+            "mission_sha256": self.mission_sha256,
+        }
+
+    def limits_at(self, parameters: ArrayLike) -> BankLimits:
+        """Bank limits of a vehicle with parameters p (d,), or of n with p (n, d).
+
+        A limit that is no positive number, a navigation fault, is the nominal one.
+        """
+        if not self.limit_axes:
+            return self.limits
+        p = np.asarray(parameters, dtype=float)
+        own = {
+            name: np.where((p[..., i] > 0.0) & (p[..., i] < SANE), p[..., i], nominal)
+            for name, i in self.limit_axes.items()
+            for nominal in [getattr(self.limits, name)]
+        }
+        return replace(self.limits, **own)
 
     def reference(self, parameters: ArrayLike) -> Reference:
         """Reference for the measured parameters p (d,) of the table (SI, rad), in its order.
@@ -103,15 +136,14 @@ class Guidance:
         elif sane:
             gain = (1.0 - w) * reference.gains[:, k] + w * reference.gains[:, k + 1]
             wanted = float(bank_rate_command(state, at, wanted, gain))
-        rate = float(limited_rate(self.limits, bank, bank_rate, wanted, self.cycle))
-        rate = min(max(rate, -self.limits.rate), self.limits.rate)
+        limits = self.limits_at(reference.parameters)
+        rate = float(limited_rate(limits, bank, bank_rate, wanted, self.cycle))
+        rate = min(max(rate, -float(limits.rate)), float(limits.rate))
         return BankCommand(rate, bank + 0.5 * (bank_rate + rate) * self.cycle, health)
 
 
-def _restored(
-    table: GuidanceTable, limits: BankLimits, mode: Mode, cycle: float, mission_sha256: str | None
-) -> Guidance:
-    return Guidance(table, limits, mode, cycle=cycle, mission_sha256=mission_sha256)
+def _restored(settings: dict[str, Any]) -> Guidance:
+    return Guidance(**settings)
 
 
 def locate(times: Array, time: float) -> tuple[int, float]:

@@ -61,10 +61,15 @@ def load_guidance(path: str | Path, *, mode: Mode | str = Mode.AMPI) -> Guidance
         If the file cannot be trusted; the message says why and what to do.
     """
     dataset = read_dataset(path)
-    limits = dataset.mission.limits
+    limits, names = dataset.mission.limits, dataset.names
     return Guidance(
         guidance_table(dataset),
         BankLimits(limits.bank_angle, limits.bank_rate, limits.bank_acceleration),
         Mode(mode),
+        limit_axes={
+            limit: names.index(f"limits.bank_{limit}")
+            for limit in ("angle", "rate", "acceleration")
+            if f"limits.bank_{limit}" in names
+        },
         mission_sha256=mission_digest(dataset.mission),
     )

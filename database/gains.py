@@ -158,7 +158,7 @@ def _final_miss(
     miss = np.zeros((len(final), 6, 3))
     miss[:, :3] = np.eye(3)
     miss[:, 3] = -rate[:, :3] / rate[:, 3:4]
-    radius = model.planet.equatorial_radius
+    radius = np.reshape(model.planet.equatorial_radius, (-1, 1))  # one, or one per case
     miss[:, :, 0] /= settings.altitude_error
     miss[:, :, 1] *= radius * np.cos(final[:, 2, None]) / settings.horizontal_miss
     miss[:, :, 2] *= radius / settings.horizontal_miss

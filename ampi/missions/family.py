@@ -55,7 +55,11 @@ class MissionFamily:
 def _joined(values: list[Any], shape: tuple[int, ...]) -> Any:
     """`values` as one: themselves where all are alike, arrays where numbers differ."""
     first = values[0]
-    if all(value is first for value in values) or all(value == first for value in values):
+    if all(value is first for value in values):
+        return first
+    if isinstance(first, np.ndarray):  # what a model has worked out of its numbers
+        return np.stack(values, axis=-1).reshape(*first.shape, *shape)
+    if not isinstance(first, tuple) and all(value == first for value in values):
         return first
     if isinstance(first, float):
         return np.array(values).reshape(shape)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import sys
 import tomllib
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
@@ -345,7 +346,7 @@ class GridSection(Section):
             for value in axis:
                 if isinstance(value, bool) or not isinstance(value, int | float):
                     raise ValueError(f"{key}: expected a number, got {value!r}")
-                if not np.isfinite(value):
+                if not abs(value) < sys.float_info.max:  # a TOML integer may be of any size
                     raise ValueError(f"{key}: expected finite offsets, got {value}")
             if len(axis) == 0 or np.any(np.diff(axis) <= 0):
                 raise ValueError(f"{key}: expected strictly increasing offsets, got {list(axis)}")
@@ -369,7 +370,7 @@ class Mission(Section):
     """A whole mission, frozen. Everything in SI and radians; load one with `load_mission`."""
 
     name: str = Field(pattern=r"^[a-z0-9_]+$")
-    title: str
+    title: str = Field(pattern=r"^[^\x00-\x1f]*$")  # one line: it is a title in reports
     planet: PlanetSection
     atmosphere: AtmosphereSection
     vehicle: VehicleSection
@@ -386,6 +387,13 @@ class Mission(Section):
     @model_validator(mode="after")
     def _parts_fit(self) -> Mission:
         self._agrees()
+        for parameter in self.parameters:
+            if np.any(np.diff(parameter.axis) <= 0):
+                raise ValueError(
+                    f"grid.{parameter.key}: expected offsets that differ beside the nominal value, "
+                    f"{parameter.number.nominal:.9g} (SI); got {list(parameter.offsets)}, of which some "
+                    "are lost in its rounding"
+                )
         for parameter, offset in ((p, o) for p in self.parameters for o in p.offsets if o != 0.0):
             number = parameter.number
             value = number.nominal + offset * number.per_unit
@@ -556,16 +564,16 @@ def shipped_missions() -> list[str]:
 
 
 def _read(name_or_path: str | Path) -> _Source:
-    path = Path(name_or_path)
-    if path.suffix == ".toml" or path.exists():
+    path, known = Path(name_or_path), shipped_missions()
+    shipped = str(name_or_path) in known and not path.is_file()
+    if not shipped and (path.suffix == ".toml" or path.exists()):
         if not path.is_file():
             raise MissionError(f"mission: no file at {path}")
         try:
             return _Source(str(path), path.read_text(encoding="utf-8"))
         except UnicodeDecodeError:
             raise MissionError(f"{path}: not a text file in UTF-8") from None
-    known = shipped_missions()
-    if str(name_or_path) not in known:
+    if not shipped:
         raise MissionError(
             f"mission: expected one of {', '.join(known)} or the path of a .toml file, "
             f"got {str(name_or_path)!r}"

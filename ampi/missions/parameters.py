@@ -3,10 +3,10 @@
 Any number of a mission may be a parameter. Its key is the path to it in the mission file, with its
 unit where it has one: `target.longitude_deg`, `vehicle.mass_kg`, `vehicle.angle_of_attack.start`. An
 entry state and the factors of density, lift and drag have short keys: `speed_m_per_s` stands for
-`entry.speed_m_per_s`, `density_factor` for `atmosphere.density_factor`. The mesh is no parameter: one
-table holds one set of nodes. So where p moves the angle-of-attack manoeuvre, its kinks leave the phase
-boundaries: give the schedule a `smoothing`. Start ± 4 s on SHEFEX-3 re-integrates to 222 m without, and
-to 6 m with 5 s.
+`entry.speed_m_per_s`, `density_factor` for `atmosphere.density_factor`. A number of a list or a table
+goes by its place, `vehicle.aerodynamics.lift.1`. The mesh is no parameter: one table holds one set of
+nodes. So where p moves the angle-of-attack manoeuvre, its kinks leave the phase boundaries: give the
+schedule a `smoothing`. Start ± 4 s on SHEFEX-3 re-integrates to 222 m without, and to 6 m with 5 s.
 
 An axis is a list of offsets from the nominal number, in the unit of its key, that holds 0. An axis of
 one point moves nothing and is no dimension of the database.
@@ -14,7 +14,7 @@ one point moves nothing and is no dimension of the database.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from difflib import get_close_matches
 from typing import Annotated, Any
@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from pydantic import BaseModel, TypeAdapter, ValidationError
 
-from ampi.missions.units import UNITS, dimension_of, si_symbol
+from ampi.missions.units import UNITS, Dimension, dimension_of, si_symbol
 
 Array = NDArray[np.float64]
 Path = tuple[str, ...]
@@ -78,20 +78,37 @@ def mission_numbers(section: BaseModel, path: Path = ()) -> Iterator[MissionNumb
             continue
         if isinstance(value, BaseModel):
             yield from mission_numbers(value, here)
-        elif isinstance(value, tuple):
+        elif isinstance(value, tuple) and any(isinstance(item, BaseModel) for item in value):
             for i, item in enumerate(value):
-                if isinstance(item, BaseModel):
-                    yield from mission_numbers(item, (*here, str(i)))
-        elif isinstance(value, float):
+                yield from mission_numbers(item, (*here, str(i)))
+        else:
             dimension = dimension_of(info)
-            short = SHORT.get(here, ".".join(here))
-            if dimension is None:
-                symbol = "1" if name.endswith("_factor") else "as in the mission file"
-                yield MissionNumber(short, short, here, symbol, 1.0, value)
-                continue
-            for unit, factor in UNITS[dimension.name].items():
-                symbol = si_symbol(dimension.name)
-                yield MissionNumber(f"{short}_{unit}", short, here, symbol, factor, value)
+            if dimension is not None and dimension.is_range and value and value[0] == value[1]:
+                value = value[0]  # one number in the mission file, and one parameter
+            for place, number in _floats(value, here):
+                yield from _under_each_unit(number, place, dimension)
+
+
+def _floats(value: Any, path: Path) -> Iterator[tuple[Path, float]]:
+    """The numbers of a field: one, or those of a list or a table."""
+    if isinstance(value, float):
+        yield path, value
+    elif isinstance(value, tuple):
+        for i, item in enumerate(value):
+            yield from _floats(item, (*path, str(i)))
+
+
+def _under_each_unit(
+    value: float, path: Path, dimension: Dimension | None
+) -> Iterator[MissionNumber]:
+    short = SHORT.get(path, ".".join(path))
+    if dimension is None:
+        symbol = "1" if short.endswith("_factor") else "as in the mission file"
+        yield MissionNumber(short, short, path, symbol, 1.0, value)
+    else:
+        for unit, factor in UNITS[dimension.name].items():
+            symbol = si_symbol(dimension.name)
+            yield MissionNumber(f"{short}_{unit}", short, path, symbol, factor, value)
 
 
 def resolve(mission: BaseModel, grid: Mapping[str, tuple[float, ...]]) -> tuple[Parameter, ...]:
@@ -104,7 +121,7 @@ def resolve(mission: BaseModel, grid: Mapping[str, tuple[float, ...]]) -> tuple[
         of its axis.
     """
     known = {number.key: number for number in mission_numbers(mission)}
-    long = {".".join(n.path) + n.key[len(n.name) :]: n for n in known.values()}
+    long = _by_whole_path(known.values())
     found: dict[str, Parameter] = {}
     for key, offsets in grid.items():
         number = known.get(key) or long.get(key)
@@ -131,10 +148,13 @@ def check_value(section: BaseModel, path: Path, value: float) -> None:
     """Raise ValueError if the field at `path` does not admit `value` (SI)."""
     for part in path[:-1]:
         section = section[int(part)] if isinstance(section, tuple) else getattr(section, part)
+    if isinstance(section, tuple):
+        return  # a number of a list or a table: what it belongs to checks it as a whole
     info = type(section).model_fields[path[-1]]
-    field: Any = Annotated[(info.annotation, *info.metadata)]
+    field: Any = Annotated[(info.annotation, *info.metadata)] if info.metadata else info.annotation
+    is_range = isinstance(getattr(section, path[-1]), tuple)
     try:
-        TypeAdapter(field).validate_python(value)
+        TypeAdapter(field).validate_python((value, value) if is_range else value)
     except ValidationError as error:
         raise ValueError(f"{error.errors()[0]['msg']} (got {value!r} in SI units)") from None
 
@@ -142,13 +162,13 @@ def check_value(section: BaseModel, path: Path, value: float) -> None:
 def moved(section: Any, path: Path, value: float) -> Any:
     """`section` with `value` (SI) at `path`, unchecked; it shares all that stays, itself included."""
     if not path:
-        return value
+        return (value, value) if isinstance(section, tuple) else value  # a range of one number
     if isinstance(section, tuple):
         i = int(path[0])
         return (*section[:i], moved(section[i], path[1:], value), *section[i + 1 :])
     before = getattr(section, path[0])
     after = moved(before, path[1:], value)
-    same = after is before or (isinstance(before, float) and after == before)
+    same = after is before or (isinstance(before, float | tuple) and after == before)
     return section if same else section.model_copy(update={path[0]: after})
 
 
@@ -182,14 +202,21 @@ def measured_values(
     at = {parameter.name: i for i, parameter in enumerate(parameters)}
     numbers = [n for n in mission_numbers(mission) if n.name in at]
     known = {n.key: n for n in sorted(numbers, key=lambda n: at[n.name])}
+    long = _by_whole_path(known.values())
     values = np.array([parameter.number.nominal for parameter in parameters])
     for key, value in given.items():
-        if key not in known:
+        number = known.get(key) or long.get(key)
+        if number is None:
             raise ValueError(
                 f"{key}: expected a parameter of this mission ({', '.join(known)}); all else is "
                 "nominal, in the database as in its reference"
             )
         if not np.isfinite(value):
             raise ValueError(f"{key}: expected a finite number, got {value}")
-        values[at[known[key].name]] = value * known[key].per_unit
+        values[at[number.name]] = value * number.per_unit
     return values
+
+
+def _by_whole_path(numbers: Iterable[MissionNumber]) -> dict[str, MissionNumber]:
+    """Short keys may be given in full: `entry.speed_m_per_s`."""
+    return {".".join(n.path) + n.key[len(n.name) :]: n for n in numbers}

@@ -35,9 +35,10 @@ UNITS: dict[str, dict[str, float]] = {
 
 @dataclass(frozen=True)
 class Dimension:
-    """Marks a field as a physical quantity."""
+    """Marks a field as a physical quantity; one number may stand for a range [least, greatest]."""
 
     name: str
+    is_range: bool = False
 
 
 Length = Annotated[float, Dimension("length")]
@@ -54,7 +55,7 @@ LoadFactor = Annotated[float, Dimension("load factor")]
 PerAngleSquared = Annotated[float, Dimension("inverse angle squared")]
 PerLengthSquared = Annotated[float, Dimension("inverse length squared")]
 PerSpeedSquared = Annotated[float, Dimension("inverse speed squared")]
-AngleRange = Annotated[tuple[float, float], Dimension("angle")]
+AngleRange = Annotated[tuple[float, float], Dimension("angle", is_range=True)]
 
 
 Number = Annotated[float, Field(strict=True)]

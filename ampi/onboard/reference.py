@@ -42,6 +42,7 @@ class Reference:
     final_time: float  # s
     cell: tuple[int, ...]  # first grid index on each axis
     clipped: tuple[bool, ...]  # axes on which p lies outside the hypercube
+    parameters: tuple[float, ...]  # the measured p, as it was given
 
     @property
     def inside(self) -> bool:
@@ -58,6 +59,7 @@ class Reference:
             self.final_time,
             self.cell,
             self.clipped,
+            self.parameters,
         )
 
 
@@ -122,4 +124,5 @@ class ReferenceGenerator:
             final_time=final_time,
             cell=tuple(first),
             clipped=tuple(clipped) if self.mode is not Mode.NOMINAL else (False,) * len(clipped),
+            parameters=tuple(measured.tolist()),
         )

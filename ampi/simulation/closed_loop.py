@@ -90,7 +90,7 @@ def _fly(
 ) -> FlightBatch:
     n, cycle, model = len(parameters), guidance.cycle, family.flight_model()
     entry_states, target_speed = family.entry_states, family.target("speed")
-    references = _StackedReferences.of(guidance, parameters)
+    references, limits = _StackedReferences.of(guidance, parameters), guidance.limits_at(parameters)
     flight = np.arange(n)
     x = np.concatenate([entry_states.T, references.rows[:, 6, 0][None, :]])
     rate, pointer = references.rows[:, 7, 0].copy(), np.zeros(n, dtype=np.intp)
@@ -115,7 +115,7 @@ def _fly(
         wanted = np.where(time >= references.final_time, 0.0, wanted)
         if step % stride == 0:
             record.append(_snapshot(time, x, at, rate, flying))
-        new_rate = limited_rate(guidance.limits, x[6], rate, wanted, cycle)
+        new_rate = limited_rate(limits, x[6], rate, wanted, cycle)
         ahead = _rk4(model, x, rate, new_rate, time, cycle)
         ended = flying & ~(ahead[3] > target_speed)
         if ended.any():

@@ -178,7 +178,7 @@ def _assemble(
     final = np.concatenate([b.final_states for b in batches])
     states = joined([b.states for b in batches])
     family = mission.family(draws)
-    radius = mission.flight_model.planet.equatorial_radius
+    radius = family.flight_model().planet.equatorial_radius
     along, across = _track_frame(mission, family, guidance, final, radius)
     values = path_constraints(family.flight_model(trailing=1), states.transpose(1, 0, 2), times)
     return Flights(
@@ -213,7 +213,7 @@ def _assemble(
 
 
 def _track_frame(
-    mission: Mission, family: MissionFamily, guidance: Guidance, final: Array, radius: float
+    mission: Mission, family: MissionFamily, guidance: Guidance, final: Array, radius: Any
 ) -> tuple[Array, Array]:
     """Miss (m) along and across the nominal final azimuth, on the tangent plane at the target."""
     nominal = guidance.in_mode(Mode.NOMINAL).reference(mission.nominal_parameters)

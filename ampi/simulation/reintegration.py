@@ -88,7 +88,7 @@ def reintegrate_many(
     over_time = family.flight_model(trailing=1)
     path_values = path_constraints(over_time, fine_states.transpose(1, 0, 2), times)
     fine_path = np.stack(path_values, axis=1) / family.limits[:, :, None]
-    radius = family.missions[0].flight_model.planet.equatorial_radius
+    radius = over_time.planet.equatorial_radius
     altitude_error = np.abs(nodes[:, 0] - states[:, 0])
     horizontal = great_circle_distance(states[:, 1], states[:, 2], nodes[:, 1], nodes[:, 2], radius)
     return Reintegration(

@@ -11,15 +11,18 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
+
+Values = float | NDArray[np.float64]
 
 
 @dataclass(frozen=True)
 class BankLimits:
-    """±, rad, rad/s, rad/s²."""
+    """±, rad, rad/s, rad/s²; of one vehicle, or an array (n,) each of n."""
 
-    angle: float
-    rate: float
-    acceleration: float
+    angle: Values
+    rate: Values
+    acceleration: Values
 
 
 def limited_rate(limits: BankLimits, bank: Any, rate: Any, command: Any, cycle: float) -> Any:
@@ -38,7 +41,7 @@ def limited_rate(limits: BankLimits, bank: Any, rate: Any, command: Any, cycle: 
     return np.minimum(np.maximum(wanted, rate - change), rate + change)
 
 
-def _stopping_rate(room: Any, acceleration: float, cycle: float) -> Any:
+def _stopping_rate(room: Any, acceleration: Any, cycle: float) -> Any:
     """Greatest rate r at the cycle's end that stops within `room`; a rate back if there is none.
 
     Braking from r = a c (k + f), 0 ≤ f < 1, in steps of a c per cycle c, and the cycle that reaches r,

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import pickle
 import re
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -87,8 +89,22 @@ def test_every_parameter_moves_its_number_and_no_other(many: Mission) -> None:
         assert moved.pseudospectral_mesh is many.pseudospectral_mesh
 
 
-def test_a_family_flies_as_its_members_do(many: Mission) -> None:
+TABLE = """[grid]
+planet.radius_km = [-2.0, 0.0]
+planet.surface_gravity = [-0.01, 0.0]
+atmosphere.scale_height_m = [-50.0, 0.0]
+vehicle.aerodynamics.lift.1.1 = [-0.01, 0.0]
+vehicle.aerodynamics.angle_of_attack.1_deg = [-0.5, 0.0]
+vehicle.aerodynamics.mach.1 = [-0.1, 0.0]
+limits.heat_flux_MW_per_m2 = [0.0, 0.1]
+target.longitude_deg = [-0.1, 0.0]
+"""
+
+
+@pytest.mark.parametrize("text", [TEXT + MANY, f"{load_mission('cavh_wang2020').toml}\n{TABLE}"])
+def test_a_family_flies_as_its_members_do(text: str) -> None:
     """One flight model with arrays against one model each, to the last bits."""
+    many = parse_mission(text)
     rng = np.random.default_rng(1)
     low, high = (np.array([axis[k] for axis in many.grid_axes]) for k in (0, -1))
     family = many.family(rng.uniform(low, high, (5, len(low))))
@@ -185,6 +201,14 @@ REFUSED = {
         "density_factor = [0.9, 1.0, 1.1]",
         "grid: density_factor: expected offsets that contain 0, the nominal value, got [0.9, 1.0",
     ),
+    "an axis that does not increase in the number's own rounding": (
+        "altitude_m = [-100.0, 0.0, 1e-12, 100.0]",
+        "grid.altitude_m: expected offsets that differ beside the nominal value",
+    ),
+    "a number beyond any float": (
+        f"altitude_m = [0, {10**400}]",
+        "grid: altitude_m: expected finite offsets, got 1000",
+    ),
     "a number that is not finite": (
         "density_factor = [0.0, inf]",
         "grid: density_factor: expected finite offsets, got inf",
@@ -250,3 +274,40 @@ def test_measured_values_take_keys_in_any_unit(many: Mission) -> None:
         measured_values(many, many.parameters, {"latitude_deg": 70.0})
     with pytest.raises(ValueError, match="drag_factor: expected a finite number, got inf"):
         measured_values(many, many.parameters, {"drag_factor": np.inf})
+
+
+def test_keys_in_full_are_measured_too(many: Mission) -> None:
+    values = measured_values(many, many.parameters, {"entry.speed_km_per_s": 4.7})
+    assert values[0] == pytest.approx(4700.0)
+
+
+# an axis of rlv_liu2024, where its number stands, and what stands there at its first point
+OF_ANY_KIND = {
+    "target.flight_path_angle_deg = [-0.5, 0.0]": ("target.flight_path_angle", (-10.5, -10.5)),
+    "planet.radius_km = [-1.0, 0.0]": ("planet.radius", 6377137.0),
+    "vehicle.aerodynamics.lift.1 = [-1e-3, 0.0]": (
+        "vehicle.aerodynamics.lift",
+        (-0.041065, 0.015292, 0.0002602),
+    ),
+}
+
+
+@pytest.mark.parametrize("axis", list(OF_ANY_KIND))
+def test_ranges_optional_numbers_and_coefficients_are_parameters(axis: str) -> None:
+    mission = parse_mission(f"{load_mission('rlv_liu2024').toml}\n[grid]\n{axis}\n")
+    path, expected = OF_ANY_KIND[axis]
+    value: Any = mission.with_parameters([mission.grid_axes[0][0]])
+    for part in path.split("."):
+        value = getattr(value, part)
+    if "angle" in path:
+        value = np.degrees(value)
+    assert value == pytest.approx(expected)
+    assert mission.with_parameters(mission.nominal_parameters) == mission
+
+
+def test_a_folder_does_not_hide_a_shipped_mission(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "shefex3").mkdir()
+    monkeypatch.chdir(tmp_path)
+    assert load_mission("shefex3").name == "shefex3"
