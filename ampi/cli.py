@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import json
 import os
+import shlex
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -52,7 +53,19 @@ def _escaped(value: object) -> str:
 
 
 def _print_json(value: Any) -> None:
-    sys.stdout.write(json.dumps(value, indent=1, default=float) + "\n")
+    text = json.dumps(_without_nan(value), indent=1, default=float, allow_nan=False)
+    sys.stdout.write(text + "\n")
+
+
+def _without_nan(value: Any) -> Any:
+    """What is no number is null: JSON has no word for it, and strict readers refuse NaN."""
+    if isinstance(value, dict):
+        return {key: _without_nan(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [_without_nan(item) for item in value]
+    if isinstance(value, float | np.floating):
+        return float(value) if np.isfinite(value) else None
+    return value
 
 
 @app.command()
@@ -204,16 +217,17 @@ def build(
                 )
         except KeyboardInterrupt:
             kept = len(list(partial_folder(path).glob("case_*.rec")))
+            again = shlex.join(word for word in sys.argv[1:] if word != "--no-resume")
             error_out.print(
-                f"Interrupted: {kept} solved cases are kept in {partial_folder(path)}. "
-                f"To continue: ampi build {mission} {path}"
+                f"Interrupted: {kept} solved cases are kept in {_escaped(partial_folder(path))}. "
+                f"To continue: ampi {_escaped(again)}"
             )
             raise typer.Exit(130) from None
     if as_json:
         _print_json({k: str(v) if isinstance(v, Path) else v for k, v in vars(report).items()})
     else:
         out.print(
-            f"{report.path}: {report.solved} of {report.cases} cases solved in "
+            f"{_escaped(report.path)}: {report.solved} of {report.cases} cases solved in "
             f"{report.seconds:.1f} s ({report.resumed} found solved), "
             f"{report.median_iterations:.0f} iterations in the median, {report.worst_iterations} at "
             f"most; re-integrated position error at most {report.worst_position_error:.1f} m, "
@@ -293,11 +307,12 @@ def verify(path: DatabaseArgument, as_json: Json = False) -> None:
         _print_json(found.as_dict())
     elif found.whole:
         out.print(
-            f"{path}: whole; {found.datasets} datasets, {found.solved} of {found.cases} cases solved, "
+            f"{_escaped(path)}: whole; {found.datasets} datasets, "
+            f"{found.solved} of {found.cases} cases solved, "
             f"SHA-256 {found.sha256}"
         )
     for fault in found.faults:
-        error_out.print(f"error: {path}: {_escaped(fault)}")
+        error_out.print(f"error: {_escaped(path)}: {_escaped(fault)}")
     if not found.whole:
         raise typer.Exit(2)
 
@@ -337,7 +352,7 @@ def audit(
             f"{one.roughness:.2g}"
         )
     statuses = ", ".join(f"{n} {name.lower()}" for name, n in report.statuses.items())
-    out.print(f"{path}: {report.cases} cases: {statuses}")
+    out.print(f"{_escaped(path)}: {report.cases} cases: {statuses}")
     truth = Table("against re-integration (DOP853)", "median", "90 %", "worst")
     for label, q in (
         ("position (m)", report.position_error),
@@ -352,6 +367,8 @@ def audit(
         )
     if report.probes:
         out.print(_interpolation_table(report))
+    elif probes:
+        out.print("no probes: a table with cases that have no solution cannot be interpolated")
     if report.unsolved_probes:
         out.print(f"{report.unsolved_probes} of {report.probes} probes could not be solved")
     _print_coherence(report)
@@ -380,18 +397,19 @@ def _outlier_name(outlier: Any) -> str:
 def _print_error_map(report: Any) -> None:
     from database.error_map import best_cell
 
-    best = best_cell(report.error_map)
+    known = any(np.isfinite(cell.gain) for cell in report.error_map)
+    best = best_cell(report.error_map) if known else None
     out.print(
         "interpolation error in each cell, 90 %, and what one more point there would take away:"
     )
     heads = ("m", "m/s", "deg", "s", "gain", "solves")
-    out.print(f"  {'':34}" + "".join(f"{head:>8}" for head in heads))
+    out.print(f"  {'':34}" + "".join(f"{head:>9}" for head in heads))
     for cell in report.error_map:
         mark = ", probed" if cell.source == "probes" else ""
         mark += " ← pays most" if cell is best else ""
-        errors = "".join(f"{error:8.3g}" for error in cell.errors.values())
+        errors = "".join(f" {error:8.3g}" for error in cell.errors.values())
         name = f"{cell.key} {cell.low:g} … {cell.high:g}"
-        out.print(f"  {name:34}{errors}{100 * cell.gain:6.1f} %{cell.new_cases:8}{mark}")
+        out.print(f"  {name:34}{errors} {100 * cell.gain:6.1f} %{cell.new_cases:8}{mark}")
 
 
 def _draw_audit(report: Any, folder: Path) -> None:
@@ -400,7 +418,8 @@ def _draw_audit(report: Any, folder: Path) -> None:
     from database.coherence import THRESHOLD
     from database.error_map import best_cell
 
-    best = best_cell(report.error_map)
+    known = any(np.isfinite(cell.gain) for cell in report.error_map)
+    best = best_cell(report.error_map) if known else None
     bars = [
         CellBar(cell.parameter, f"{cell.low:g} … {cell.high:g}", cell.errors, cell is best)
         for cell in report.error_map
@@ -438,8 +457,8 @@ def refine(
         _print_json({**asdict(report), "cell": cell, "build": numbers})
     else:
         out.print(
-            f"{target}: {report.cell.key} with one more point at {report.offset:g}, which takes away "
-            f"{100 * report.cell.gain:.0f} % of the interpolation error; {report.reused} cases kept, "
+            f"{_escaped(target)}: {report.cell.key} with one more point at {report.offset:g}, "
+            f"which takes away {100 * report.cell.gain:.0f} % of the interpolation error; {report.reused} cases kept, "
             f"{report.solved_anew} new, {built.solved} of {built.cases} solved in "
             f"{built.seconds:.1f} s"
         )
@@ -624,7 +643,7 @@ def report(
         with progress("drawing", 1) as advance:
             written = write_report(output, dataset.mission, guidance_table(dataset), loaded, extra)
             advance(1)
-    out.print(f"{written}: {written.stat().st_size / 1e6:.1f} MB")
+    out.print(f"{_escaped(written)}: {written.stat().st_size / 1e6:.1f} MB")
 
 
 @app.command()

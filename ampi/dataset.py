@@ -38,7 +38,8 @@ from ampi.trajectory import Statistics, Status, Trajectory
 
 Array = NDArray[np.float64]
 
-SCHEMA_VERSION = 3  # 2: without target_multipliers; 1: six parameter axes always
+# 3: without time_limit; 2: and without target_multipliers; 1: and with six parameter axes always
+SCHEMA_VERSION = 4
 DIGEST = "content_sha256"
 ROW_NUMBERS = 2**20  # of a dataset, read at once for its digest
 SEAL_BYTES = 512  # the smallest HDF5 user block; readers skip it
@@ -219,7 +220,7 @@ def check_whole(file: h5py.File, path: Path) -> None:
     version = file.attrs.get("schema_version")
     if version is None:
         raise DatasetError(f"{path}: an HDF5 file, but not a trajectory database")
-    if int(version) != SCHEMA_VERSION:
+    if str(version) != str(SCHEMA_VERSION):
         raise DatasetError(
             f"{path}: schema version {version}, this ampi reads version {SCHEMA_VERSION}; read it "
             f"with the ampi that wrote it, {file.attrs.get('ampi_version', '?')} (git revision "

@@ -23,6 +23,7 @@ from database.continuation import PlannedCase
 from database.grid import Grid
 from database.prediction import predicted
 
+LONGEST_ALARM = 1e9  # s: the kernel's clock takes nine times as much
 PATH_STEPS = (4, 16)  # a failed case is retried along this many steps of p
 
 
@@ -105,7 +106,7 @@ def stopped_after(seconds: float) -> Iterator[None]:
     The kernel does it, by a signal that nothing handles: code that is stuck in a library never comes
     back to the interpreter, where an exception could be raised.
     """
-    signal.setitimer(signal.ITIMER_REAL, seconds)
+    signal.setitimer(signal.ITIMER_REAL, min(seconds, LONGEST_ALARM))
     try:
         yield
     finally:

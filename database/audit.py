@@ -122,7 +122,8 @@ def audit(
     dataset
         From `read_dataset`.
     probes
-        Random points of the hypercube, uniform, at which the problem is solved (0 for none).
+        Random points of the hypercube, uniform, at which the problem is solved (0 for none); none
+        are where a case has no solution.
     seed
         Of the random points.
     n_jobs
@@ -130,6 +131,8 @@ def audit(
     """
     if probes < 0:
         raise ValueError(f"probes: expected a non-negative number, got {probes}")
+    if not dataset.solved.all():
+        probes = 0  # a table with holes cannot be interpolated
     notify = advance or (lambda count: None)
     flown = _fly_again(dataset, notify)
     peak = flown.limits_used.max(axis=0, initial=0.0)

@@ -42,8 +42,10 @@ from database.jobs import JobError
 from database.lock import LockedError, exclusive
 from database.plan import case_name, planned_jobs
 from database.records import (
+    FINGERPRINTS,
     CaseRecord,
     block_path,
+    count_records,
     discard_records,
     keeping_records,
     load_block,
@@ -56,6 +58,9 @@ from database.records import (
 )
 from database.schedule import run_jobs
 from database.writer import package_version, provenance, write_database
+
+READABLE = 50  # characters of a setting, to be shown
+KNOWN_AT_ONCE = 256  # files open at the same time
 
 
 class BuildError(ValueError):
@@ -169,11 +174,22 @@ def build(
         if not resume:
             discard_records(folder)
         _claim(folder, campaign)
-        for case, optimum in (known or {}).items():
-            if load_record(folder, case, mission) is None:
-                record = CaseRecord(case, optimum.trajectory, optimum.message, 0, 0.0)
-                keeping_records(folder, [record])()
+        _keep_known(campaign, known or {})
         return _Build(campaign, path, engine, advance or (lambda count: None)).run()
+
+
+def _keep_known(campaign: Campaign, known: Mapping[int, KnownCase]) -> None:
+    """Records of the optima that are known, where there are none yet."""
+    folder, mission = campaign.folder, campaign.mission
+    missing = [case for case in known if load_record(folder, case, mission) is None]
+    for k in range(0, len(missing), KNOWN_AT_ONCE):
+        keeping_records(
+            folder,
+            [
+                CaseRecord(case, known[case].trajectory, known[case].message, 0, 0.0)
+                for case in missing[k : k + KNOWN_AT_ONCE]
+            ],
+        )()
 
 
 def _engine(n_jobs: int, client: Any) -> AbstractContextManager[Engine]:
@@ -330,7 +346,7 @@ _WAYS_OUT = {
 
 
 def _kept(folder: Path) -> str:
-    count = len(list(folder.glob("case_*.rec")))
+    count = count_records(folder) if folder.is_dir() else 0
     return f"{count} finished cases are kept in {folder}: " if count else ""
 
 
@@ -345,23 +361,33 @@ def _refuse_other_database(path: Path, mission: Mission) -> None:
 
 def _claim(folder: Path, campaign: Campaign) -> None:
     """Mark the folder of records as this build's, or refuse it if it is another's."""
-    settings = json.dumps(
-        [asdict(SolverSettings()), asdict(campaign.gains), campaign.time_limit], sort_keys=True
-    )
     fingerprint = {
         "mission": campaign.mission.name,
         "mission_sha256": hashlib.sha256(campaign.toml.encode()).hexdigest(),
-        "settings_sha256": hashlib.sha256(settings.encode()).hexdigest(),
         "solver": solver_name(campaign.solver),
+        "solver_settings": json.dumps(asdict(SolverSettings()), sort_keys=True),
+        "gain_settings": json.dumps(asdict(campaign.gains), sort_keys=True),
+        "time_limit": f"{campaign.time_limit!r} s",
         "ampi_version": package_version("ampi"),
     }
     found = read_fingerprint(folder)
-    if found is None:
-        discard_records(folder)  # records of unknown origin are none
-        write_fingerprint(folder, fingerprint, campaign.toml)
-    elif found != fingerprint:
-        differing = [k for k in fingerprint if found.get(k) != fingerprint[k]]
+    count = count_records(folder)
+    if found is None and count:
+        raise BuildError(
+            f"{folder}: neither {' nor '.join(FINGERPRINTS)} can be read, so nobody knows what its "
+            f"{count} finished cases belong to; put one of the two back, choose another path, or start "
+            "afresh with resume off"
+        )
+    if found not in (None, fingerprint):
+        differing = [
+            f"{key} ({found.get(key)} there, {value} here)" if len(value) < READABLE else key
+            for key, value in fingerprint.items()
+            if found.get(key) != value
+        ]
         raise BuildError(
             f"{folder} holds cases of another build (different {', '.join(differing)}); "
             "finish that build, choose another path, or start afresh with resume off"
         )
+    if found is None:
+        discard_records(folder)  # blocks without cases
+    write_fingerprint(folder, fingerprint, campaign.toml)

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path
-from typing import Protocol
+from typing import Any, Protocol
 
+from ampi.dataset import TrajectoryDataset
 from ampi.missions.mission import Mission, parse_mission
 from ampi.scp.solve import solve
 from ampi.trajectory import Trajectory
@@ -31,6 +33,31 @@ class Solver(Protocol):
 def solver_name(solver: Solver) -> str:
     """Where to find an optimiser, for the records and for the file."""
     return f"{solver.__module__}.{solver.__qualname__}"
+
+
+def as_built(dataset: TrajectoryDataset, solver: Solver) -> dict[str, Any]:
+    """The settings that a database was built with, by the names that `database.build` has for them.
+
+    Raises
+    ------
+    ValueError
+        If it was built by another optimiser than `solver`.
+    """
+    require_solver(str(dataset.attributes["solver"]), solver)
+    return {
+        "solver": solver,
+        "time_limit": float(dataset.attributes["time_limit"]),
+        "gains": GainSettings(**json.loads(dataset.attributes["gain_settings"])),
+    }
+
+
+def require_solver(made_by: str, solver: Solver) -> None:
+    """Raise ValueError unless cases made by the optimiser of this name are those of `solver`."""
+    if made_by != solver_name(solver):
+        raise ValueError(
+            f"solver: the cases were solved by {made_by}, got {solver_name(solver)}; import that one "
+            "and give it as `solver`, so that all cases are of one kind"
+        )
 
 
 @dataclass(frozen=True)

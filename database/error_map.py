@@ -51,7 +51,7 @@ class CellError:
     low: float
     high: float
     source: str  # "leave-one-out" or "probes"
-    errors: dict[str, float]  # 90th percentile over the lines
+    errors: dict[str, float]  # 90th percentile over the lines; NaN where failed cases hide it
     gain: float  # share of the whole error that a point in the middle takes away, Eq. (2)
     new_cases: int
 
@@ -86,7 +86,7 @@ def error_map(
         width = np.diff(axis) / (axis[-1] - axis[0])
         cells += [(parameter, j, source, errors[j], width[j]) for j in range(len(axis) - 1)]
     weighted = np.array([w * e for *_, e, w in cells])
-    total = weighted.sum(axis=0)
+    total = np.nansum(weighted, axis=0)
     share = np.divide(weighted, total, out=np.zeros_like(weighted), where=total > 0.0)
     cases = int(np.prod(dataset.shape))
     return tuple(
@@ -110,12 +110,17 @@ def best_cell(cells: tuple[CellError, ...], parameter: str | None = None) -> Cel
     Raises
     ------
     ValueError
-        If the database does not disperse `parameter`.
+        If the database does not disperse `parameter`, or nothing is known of its cells.
     """
     candidates = [c for c in cells if parameter in (None, c.parameter, c.key)]
     if not candidates:
         names = ", ".join(dict.fromkeys(c.parameter for c in cells))
         raise ValueError(f"parameter: expected one of {names}, got {parameter!r}")
+    candidates = [c for c in candidates if np.isfinite(c.gain)]
+    if not candidates:
+        raise ValueError(
+            "no cell of these axes has a known error: too many cases without a solution around them"
+        )
     return max(candidates, key=lambda cell: cell.gain_per_case)
 
 
@@ -125,16 +130,16 @@ def _left_out(axis: Array, rows: Array) -> Array:
     typical = np.stack([_typical(lines) for lines in miss.reshape(len(miss), -1, len(COLUMNS))])
     step = np.diff(axis)
     curvature = typical / (4.0 * step[:-1] * step[1:])[:, None]
-    error = np.zeros((len(step), len(COLUMNS)))
+    error = np.full((len(step), len(COLUMNS)), np.nan)
     error[:-1] = curvature * step[:-1, None] ** 2
-    error[1:] = np.maximum(error[1:], curvature * step[1:, None] ** 2)
+    error[1:] = np.fmax(error[1:], curvature * step[1:, None] ** 2)
     return error
 
 
 def _typical(errors: Array) -> Array:
-    """Percentile over the lines (l, 4) without those of failed cases; 0 if none is left."""
+    """Percentile over the lines (l, 4) without those of failed cases; NaN if none is left."""
     known = errors[np.all(np.isfinite(errors), axis=1)]
-    return np.percentile(known, PERCENTILE, axis=0) if len(known) else np.zeros(len(COLUMNS))
+    return np.percentile(known, PERCENTILE, axis=0) if len(known) else np.full(len(COLUMNS), np.nan)
 
 
 def _probed(dataset: TrajectoryDataset, i: int, n_jobs: int, seed: int) -> Array:

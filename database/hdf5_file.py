@@ -43,6 +43,7 @@ def write_dataset(
     a hyperslab of the grid at a time, always in the same order: the bytes of the file depend on it. What
     is read back gives the digest, and every chunk is held against its checksum on the way.
     """
+    path = path.resolve()  # a link stays one, and the file is written where it leads
     temporary = path.with_name(path.name + ".tmp")
     try:
         with FileSink(temporary, "w+") as sink:

@@ -34,7 +34,13 @@ def exclusive(folder: Path) -> Iterator[None]:
     path = folder / "lock"
     while True:
         folder.mkdir(exist_ok=True)
-        with path.open("a+", encoding="utf-8") as file:
+        try:
+            file = path.open("a+", encoding="utf-8")
+        except FileNotFoundError:
+            if folder.is_dir():
+                raise
+            continue  # the holder before us has just removed the folder
+        with file:
             try:
                 fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
             except BlockingIOError:

@@ -1,6 +1,7 @@
 """What is kept of a build under way: one file per result in `PATH.partial`.
 
-    build.json         what the records belong to: mission, solver, version
+    build.json         what the records belong to: mission, solver, settings, version
+    build.copy.json    the same: a fault of the disk in one of them must not cost the records
     mission.toml       the mission itself, so that a case can be examined before the file is whole
     case_000042.rec    one solved or failed case: see `CaseRecord.packed`
     block_000003.rec   a run of cases in index order, with gains and re-integration, ready to merge
@@ -33,6 +34,7 @@ from ampi.trajectory import Statistics, Status, Trajectory
 CHECKSUM_BYTES = 4
 NEW_FILE = os.O_WRONLY | os.O_CREAT | os.O_TRUNC | os.O_CLOEXEC
 DELETERS = 16  # a file that was flushed takes milliseconds to delete; side by side they overlap
+FINGERPRINTS = ("build.json", "build.copy.json")
 _DAMAGED = (OSError, ValueError, KeyError)
 
 
@@ -220,9 +222,10 @@ def load_block(folder: Path, number: int) -> bytes | None:
 
 def write_fingerprint(folder: Path, fingerprint: dict[str, str], toml: str) -> None:
     """Mark a folder of records with what made it."""
-    text = json.dumps(fingerprint, indent=1, sort_keys=True)
+    checked = {**fingerprint, "crc32": _crc_of(fingerprint)}
+    text = json.dumps(checked, indent=1, sort_keys=True).encode()
     keeping({str(folder / "mission.toml"): toml.encode()})()
-    keeping({str(folder / "build.json"): text.encode()})()
+    keeping({str(folder / name): text for name in FINGERPRINTS})()
 
 
 def _sealed(raw: bytes) -> bytes:
@@ -237,11 +240,24 @@ def _unsealed(raw: bytes) -> bytes:
 
 
 def read_fingerprint(folder: Path) -> dict[str, str] | None:
-    """What made the records of a folder; None if it holds none."""
-    try:
-        return dict(json.loads((folder / "build.json").read_text(encoding="utf-8")))
-    except (OSError, ValueError):
-        return None
+    """What made the records of a folder; None if no copy of it is whole."""
+    for name in FINGERPRINTS:
+        try:
+            found = dict(json.loads((folder / name).read_text(encoding="utf-8")))
+        except (OSError, ValueError, TypeError):
+            continue
+        if found.pop("crc32", "") == _crc_of(found):
+            return found
+    return None
+
+
+def _crc_of(fingerprint: dict[str, str]) -> str:
+    return f"{zlib.crc32(json.dumps(fingerprint, sort_keys=True).encode()):08x}"
+
+
+def count_records(folder: Path) -> int:
+    """How many finished cases a folder holds."""
+    return sum(name.startswith("case_") and name.endswith(".rec") for name in os.listdir(folder))
 
 
 def discard_records(folder: Path) -> None:
@@ -250,7 +266,7 @@ def discard_records(folder: Path) -> None:
     files = [f"{folder}{os.sep}{name}" for name in os.listdir(folder) if kinds.fullmatch(name)]
     with ThreadPoolExecutor(DELETERS) as pool:
         list(pool.map(_delete, (files[k::DELETERS] for k in range(DELETERS))))
-    (folder / "build.json").unlink(missing_ok=True)
+    _delete([f"{folder}{os.sep}{name}" for name in FINGERPRINTS])
 
 
 def _delete(files: list[str]) -> None:

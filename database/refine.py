@@ -15,7 +15,9 @@ import numpy as np
 
 from ampi.dataset import TrajectoryDataset, read_dataset
 from ampi.missions.mission import Mission, parse_mission
+from ampi.scp.solve import solve
 from database.build import BuildReport, KnownCase, build
+from database.campaign import Solver, as_built
 from database.error_map import CellError, best_cell, error_map
 from database.grid import Grid
 
@@ -40,6 +42,7 @@ def refine(
     output: str | Path,
     *,
     parameter: str | None = None,
+    solver: Solver = solve,
     n_jobs: int = 2,
     advance: Callable[[int], None] | None = None,
 ) -> RefineReport:
@@ -51,17 +54,20 @@ def refine(
         Database files; `output` is new, or a database of the same refined mission.
     parameter
         The axis, by the parameter's name; None: the one where a point pays most.
+    solver
+        The optimiser that built the database; the new cases are solved as the old ones were.
     n_jobs
         Worker processes.
     advance
         Called with the number of cases just finished.
     """
     dataset = read_dataset(path)
+    settings = as_built(dataset, solver)
     cell = best_cell(error_map(dataset, n_jobs=n_jobs), parameter)
     offset = 0.5 * (cell.low + cell.high)
     refined = with_point(dataset.mission, cell.parameter, offset)
     known = carried_over(dataset, refined, cell.parameter)
-    report = build(refined, output, n_jobs=n_jobs, known=known, advance=advance)
+    report = build(refined, output, n_jobs=n_jobs, known=known, advance=advance, **settings)
     return RefineReport(cell, offset, len(known), report.cases - len(known), report)
 
 

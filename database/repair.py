@@ -16,10 +16,15 @@ from ampi.dataset import partial_folder, read_dataset
 from ampi.scp.solve import solve
 from ampi.trajectory import Trajectory
 from database.build import BuildError, KnownCase, build
+from database.campaign import Solver, as_built
 from database.coherence import Outlier, case_roughness, coherence, family_rows
 from database.grid import Grid
 
 Array = NDArray[np.float64]
+
+MATERIALLY = (
+    0.9  # of the roughness that stands there: less than a tenth smoother is the same optimum
+)
 
 
 @dataclass(frozen=True)
@@ -32,8 +37,11 @@ class Repair:
     message: str
 
 
-def repair(path: str | Path, *, n_jobs: int = 2) -> tuple[Repair, ...]:
+def repair(path: str | Path, *, solver: Solver = solve, n_jobs: int = 2) -> tuple[Repair, ...]:
     """Re-solve the outliers of a database and replace the file if any became smoother.
+
+    `solver` is the optimiser that built it. Until the new file is whole the old one stays; what is
+    killed halfway begins anew.
 
     Raises
     ------
@@ -45,7 +53,9 @@ def repair(path: str | Path, *, n_jobs: int = 2) -> tuple[Repair, ...]:
             f"{path}: expected no unfinished build beside the file, got {partial_folder(path)}; "
             "finish it with ampi build, or delete the folder"
         )
+    path = Path(path).resolve()
     dataset = read_dataset(path)
+    settings = as_built(dataset, solver)
     found = coherence(dataset)
     rows, grid = family_rows(dataset), Grid.from_mission(dataset.mission)
     suspects = {outlier.case for outlier in found.outliers}
@@ -60,12 +70,12 @@ def repair(path: str | Path, *, n_jobs: int = 2) -> tuple[Repair, ...]:
             if neighbour in suspects or neighbour not in known:
                 continue
             mission = dataset.mission.with_parameters(grid.point(outlier.case))
-            candidate = solve(mission, guess=known[neighbour].trajectory)
+            candidate = solver(mission, guess=known[neighbour].trajectory)
             if not candidate.status.ok:
                 continue
             rows[outlier.index] = _rows(candidate)
             there = case_roughness(dataset.axes, rows, outlier.index, found.scale)
-            if there < roughness:
+            if there < MATERIALLY * roughness:
                 best, roughness = candidate, there
                 message = f"re-solved from case {neighbour}: {candidate.status.sentence}"
         suspects.discard(outlier.case)
@@ -74,7 +84,9 @@ def repair(path: str | Path, *, n_jobs: int = 2) -> tuple[Repair, ...]:
             known[outlier.case] = KnownCase(best, message)
         done.append(Repair(outlier, roughness, best is not None, message))
     if any(one.replaced for one in done):
-        build(dataset.mission, path, n_jobs=n_jobs, known=known)
+        mended = path.with_name(f".{path.name}.repaired")
+        build(dataset.mission, mended, n_jobs=n_jobs, resume=False, known=known, **settings)
+        mended.replace(path)
     return tuple(done)
 
 

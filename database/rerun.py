@@ -14,13 +14,14 @@ from typing import Any
 from ampi.dataset import DatasetError, partial_folder, read_dataset
 from ampi.missions.mission import Mission, parse_mission
 from ampi.scp.shortfall import verdict
+from ampi.scp.solve import solve
 from ampi.trajectory import Trajectory
 from database.attempts import attempts, follow, no_trajectory, path_to
-from database.campaign import Campaign
+from database.campaign import Campaign, Solver, require_solver
 from database.continuation import layers
 from database.grid import Grid
 from database.prediction import predicted
-from database.records import load_record
+from database.records import FINGERPRINTS, load_record, read_fingerprint
 
 PATIENCE = 86400.0  # s for one solve: a person is watching, and can stop it
 
@@ -68,21 +69,26 @@ class Rerun:
 
 
 def rerun(
-    path: str | Path, case: int, *, watch: Callable[[AttemptResult], None] | None = None
+    path: str | Path,
+    case: int,
+    *,
+    solver: Solver = solve,
+    watch: Callable[[AttemptResult], None] | None = None,
 ) -> Rerun:
     """Solve case number `case` (C order) of a file, or of the records of a build, again.
 
-    `watch` is called after each attempt.
+    `solver` is the optimiser of the build; `watch` is called after each attempt.
 
     Raises
     ------
     DatasetError
         If neither file nor records are there, or the file is damaged.
     ValueError
-        If the grid has no such case.
+        If the grid has no such case, or another optimiser built it.
     """
-    toml, stored = _open(Path(path))
-    campaign = Campaign(toml, Path(path), time_limit=PATIENCE)
+    toml, made_by, stored = _open(Path(path))
+    require_solver(made_by, solver)
+    campaign = Campaign(toml, Path(path), solver, time_limit=PATIENCE)
     mission, grid = campaign.mission, campaign.grid
     if not 0 <= case < grid.size:
         raise ValueError(f"case: expected a number from 0 to {grid.size - 1}, got {case}")
@@ -120,8 +126,8 @@ def rerun(
 Stored = Callable[[int], tuple[Trajectory, str] | None]
 
 
-def _open(path: Path) -> tuple[str, Stored]:
-    """Mission text, and what is known of each case: its trajectory and message."""
+def _open(path: Path) -> tuple[str, str, Stored]:
+    """Mission text, the optimiser's name, and of each case what is known: trajectory and message."""
     folder = path if path.is_dir() else partial_folder(path)
     if path.is_file() or not folder.is_dir():
         dataset = read_dataset(path)  # an absent file is its error
@@ -129,20 +135,23 @@ def _open(path: Path) -> tuple[str, Stored]:
         def from_file(case: int) -> tuple[Trajectory, str]:
             return dataset.trajectory(case), dataset.message.ravel()[case].decode()
 
-        return dataset.mission.toml, from_file
+        return dataset.mission.toml, str(dataset.attributes["solver"]), from_file
     try:
         toml = (folder / "mission.toml").read_text(encoding="utf-8")
     except OSError:
         raise DatasetError(
             f"{folder}: expected the records of a build, got a folder without mission.toml"
         ) from None
+    fingerprint = read_fingerprint(folder)
+    if fingerprint is None:
+        raise DatasetError(f"{folder}: neither {' nor '.join(FINGERPRINTS)} can be read")
     mission = parse_mission(toml)
 
     def from_records(case: int) -> tuple[Trajectory, str] | None:
         record = load_record(folder, case, mission)
         return None if record is None else (record.trajectory, record.message)
 
-    return toml, from_records
+    return toml, fingerprint["solver"], from_records
 
 
 def _solved_neighbours(grid: Grid, case: int, stored: Stored) -> dict[int, Trajectory]:

@@ -46,7 +46,9 @@ SETTINGS = {
     "MALLOC_TRIM_THRESHOLD_": str(2**30),
 }
 # the collector finds nothing among what imports make, and looks for a fourteenth of their time
+# the supervisor decides what an interrupt means, from the first import on
 _COMMAND = (
+    "import signal; signal.signal(signal.SIGINT, signal.SIG_IGN); "
     "import gc; gc.disable(); from database.worker import main; gc.freeze(); gc.enable(); main()"
 )
 
@@ -77,7 +79,7 @@ class Worker:
     def __init__(self) -> None:
         paths = [str(Path(p).resolve()) for p in sys.path]
         self.process = subprocess.Popen(
-            [sys.executable, "-c", _COMMAND],
+            [sys.executable, "-P", "-c", _COMMAND],  # what lies in the present folder is not ours
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             env={**os.environ, **SETTINGS, "PYTHONPATH": os.pathsep.join(paths)},

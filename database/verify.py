@@ -131,7 +131,7 @@ def _in_a_process_of_its_own(path: Path) -> Findings:
     paths = os.pathsep.join(str(Path(p).resolve()) for p in sys.path)
     try:
         done = subprocess.run(
-            [sys.executable, "-c", _EXAMINE, str(path)],
+            [sys.executable, "-P", "-c", _EXAMINE, str(path)],
             env={**os.environ, "PYTHONPATH": paths},
             capture_output=True,
             timeout=PATIENCE,
@@ -150,7 +150,7 @@ def _check(file: h5py.File) -> Iterator[str]:
     if version is None:
         yield "schema: an HDF5 file, but not a trajectory database"
         return
-    if int(version) != SCHEMA_VERSION:
+    if str(version) != str(SCHEMA_VERSION):
         yield (
             f"schema: version {version}, this ampi verifies version {SCHEMA_VERSION}; "
             f"use ampi {file.attrs.get('ampi_version', '?')}, which wrote the file"

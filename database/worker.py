@@ -64,7 +64,8 @@ START = -1  # in place of a job's number
 
 def main() -> None:
     """Serve until the supervisor closes the pipe or dies."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the supervisor decides what an interrupt means
+    signal.signal(signal.SIGALRM, signal.SIG_DFL)  # its parent may ignore it: no time limit then
+    signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGALRM})
     replies, talking = os.fdopen(os.dup(1), "wb"), threading.Lock()
     os.dup2(2, 1)  # what a library prints must not mix with the replies
     jobs: queue.SimpleQueue[tuple[int, bytes]] = queue.SimpleQueue()
@@ -119,5 +120,5 @@ def _receive(pipe: IO[bytes], jobs: queue.SimpleQueue[tuple[int, bytes]]) -> Non
     while True:
         try:
             jobs.put(pickle.load(pipe))
-        except (EOFError, OSError):
+        except Exception:  # its end, or half a message of a supervisor that was killed
             os._exit(0)

@@ -95,6 +95,7 @@ def provenance(campaign: Campaign) -> dict[str, object]:
         "bank_rate_effort": mission.objective.bank_rate_effort,
         "mesh": json.dumps([asdict(p) for p in mission.pseudospectral_mesh.phases]),
         "solver_settings": json.dumps(asdict(SolverSettings()), sort_keys=True),
+        "time_limit": campaign.time_limit,  # s, of one solve
         "gain_settings": json.dumps(asdict(campaign.gains), sort_keys=True),
         "ampi_version": package_version("ampi"),
         "git_revision": git_revision(),

@@ -74,7 +74,8 @@ def save_campaigns(path: str | Path, campaigns: Mapping[str, Flights]) -> None:
     for name, flights in campaigns.items():
         for key, value in vars(flights).items():
             packed[f"{name}/{key}"] = value.value if isinstance(value, Mode) else value
-    temporary = Path(path).with_name(Path(path).name + ".tmp")
+    path = Path(path).resolve()  # a link stays one
+    temporary = path.with_name(path.name + ".tmp")
     with temporary.open("wb") as file:
         np.savez_compressed(file, **packed)
     temporary.replace(path)

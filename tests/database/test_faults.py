@@ -29,7 +29,7 @@ from database.campaign import Campaign
 from database.continuation import layers
 from database.grid import Grid
 from database.jobs import SolveCase
-from database.records import load_record
+from database.records import FINGERPRINTS, load_record
 from database.stand_in import neighbour_moved
 from database.supervisor import Supervisor
 
@@ -316,13 +316,15 @@ def test_a_fresh_start_forgets_what_was_kept(small_mission: Mission, tmp_path: P
             solver=neighbour_moved,
             advance=lambda n: 1 // 0 if n else None,
         )
-    with pytest.raises(BuildError, match=r"another build \(different solver\)"):
+    with pytest.raises(BuildError, match=r"another build \(different solver \(database"):
         database.build(small_mission, path)
     report = database.build(small_mission, path, n_jobs=1, solver=neighbour_moved, resume=False)
     assert (report.resumed, report.solved) == (0, 9)
 
 
-def test_records_of_unknown_origin_are_not_used(small_mission: Mission, tmp_path: Path) -> None:
+def test_one_damaged_label_costs_nothing_and_two_are_told(
+    small_mission: Mission, tmp_path: Path
+) -> None:
     path = tmp_path / "a.h5"
     with pytest.raises(ZeroDivisionError):
         database.build(
@@ -333,8 +335,15 @@ def test_records_of_unknown_origin_are_not_used(small_mission: Mission, tmp_path
             advance=lambda n: 1 // 0 if n else None,
         )
     assert load_record(partial_folder(path), 4, small_mission) is not None
-    (partial_folder(path) / "build.json").unlink()
-    assert database.build(small_mission, path, n_jobs=1, solver=neighbour_moved).resumed == 0
+    labels = [partial_folder(path) / name for name in FINGERPRINTS]
+    whole = labels[0].read_text()
+    labels[0].write_text(whole.replace("shefex3", "shefex4"))
+    labels[1].write_text("")
+    with pytest.raises(BuildError, match=r"neither build.json nor build.copy.json can be read"):
+        database.build(small_mission, path, n_jobs=1, solver=neighbour_moved)
+    assert load_record(partial_folder(path), 4, small_mission) is not None
+    labels[1].write_text(whole)
+    assert database.build(small_mission, path, n_jobs=1, solver=neighbour_moved).resumed == 1
 
 
 @pytest.mark.parametrize(
