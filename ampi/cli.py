@@ -458,7 +458,8 @@ def refine(
     else:
         out.print(
             f"{_escaped(target)}: {report.cell.key} with one more point at {report.offset:g}, "
-            f"which takes away {100 * report.cell.gain:.0f} % of the interpolation error; {report.reused} cases kept, "
+            f"which takes away {100 * report.cell.gain:.0f} % of the interpolation error; "
+            f"{report.reused} cases kept, "
             f"{report.solved_anew} new, {built.solved} of {built.cases} solved in "
             f"{built.seconds:.1f} s"
         )
