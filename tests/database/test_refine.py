@@ -16,7 +16,9 @@ from ampi.onboard.reference import Mode
 from ampi.trajectory import Status, Trajectory
 from database.audit import nodal_reference
 from database.error_map import COLUMNS, CellError, best_cell, error_map
+from database.gains import GainSettings
 from database.refine import RefineError, RefineReport, refine, with_point
+from database.stand_in import neighbour_moved
 
 UNEVEN = """[grid]
 speed_m_per_s = [-70.0, 0.0]  # two points: probed
@@ -117,6 +119,32 @@ def test_refining_solves_what_is_new_alone(
     assert after.mission.grid.offsets["flight_path_angle_deg"] == (-0.5, -0.25, 0.0, 0.2)
     assert "# two points: probed" in after.attributes["mission_toml"]
     assert all(error < 10.0 for error in after.position_error.ravel())
+
+
+def test_settings_of_the_file_are_kept_and_another_optimiser_is_refused(
+    small_mission: Mission, tmp_path: Path
+) -> None:
+    path, output = tmp_path / "a.h5", tmp_path / "refined.h5"
+    settings = GainSettings(horizontal_miss=1500.0)
+    database.build(small_mission, path, solver=neighbour_moved, gains=settings, time_limit=30.0)
+    refine(path, output, parameter="speed", solver=neighbour_moved)
+    before, after = read_dataset(path), read_dataset(output)
+    for name in ("solver", "gain_settings", "time_limit"):
+        assert after.attributes[name] == before.attributes[name], name
+    with pytest.raises(
+        ValueError, match=r"solved by database\.stand_in\.neighbour_moved, got ampi"
+    ):
+        refine(path, tmp_path / "other.h5", parameter="speed")
+
+
+def test_an_output_that_is_a_link_stays_one(small_mission: Mission, tmp_path: Path) -> None:
+    elsewhere = tmp_path / "disk" / "a.h5"
+    elsewhere.parent.mkdir()
+    link = tmp_path / "a.h5"
+    link.symlink_to(elsewhere)
+    database.build(small_mission, link, solver=neighbour_moved)
+    assert link.is_symlink()
+    assert read_dataset(elsewhere).solved.all()
 
 
 def test_the_refined_file_interpolates_better(
