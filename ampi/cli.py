@@ -394,11 +394,16 @@ def _outlier_name(outlier: Any) -> str:
     return f"case {outlier.case} at grid index {outlier.index}"
 
 
-def _print_error_map(report: Any) -> None:
+def _best_cell(report: Any) -> Any:
+    """Where a point pays most; None if failed cases hide every cell."""
     from database.error_map import best_cell
 
     known = any(np.isfinite(cell.gain) for cell in report.error_map)
-    best = best_cell(report.error_map) if known else None
+    return best_cell(report.error_map) if known else None
+
+
+def _print_error_map(report: Any) -> None:
+    best = _best_cell(report)
     out.print(
         "interpolation error in each cell, 90 %, and what one more point there would take away:"
     )
@@ -416,10 +421,8 @@ def _draw_audit(report: Any, folder: Path) -> None:
     from ampi.report.audit_figures import CellBar, coherence_figure, error_map_figure
     from ampi.report.look import image_bytes
     from database.coherence import THRESHOLD
-    from database.error_map import best_cell
 
-    known = any(np.isfinite(cell.gain) for cell in report.error_map)
-    best = best_cell(report.error_map) if known else None
+    best = _best_cell(report)
     bars = [
         CellBar(cell.parameter, f"{cell.low:g} … {cell.high:g}", cell.errors, cell is best)
         for cell in report.error_map

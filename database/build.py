@@ -173,7 +173,7 @@ def build(
     ):
         if not resume:
             discard_records(folder)
-        _claim(folder, campaign)
+        _claim(folder, campaign, known or {})
         _keep_known(campaign, known or {})
         return _Build(campaign, path, engine, advance or (lambda count: None)).run()
 
@@ -189,6 +189,7 @@ def _keep_known(campaign: Campaign, known: Mapping[int, KnownCase]) -> None:
                 CaseRecord(case, known[case].trajectory, known[case].message, 0, 0.0)
                 for case in missing[k : k + KNOWN_AT_ONCE]
             ],
+            mission,
         )()
 
 
@@ -234,7 +235,9 @@ class _Build:
         final_time = self.require_nominal(nominal).trajectory.final_time
         write_database(self.path, campaign, attributes, final_time, tally.count(self, parts))
         discard_records(campaign.folder)
-        shutil.rmtree(campaign.folder)
+        shutil.rmtree(
+            campaign.folder, ignore_errors=True
+        )  # the file is whole; `exclusive` sees to it
         iterations = tally.iterations
         return BuildReport(
             path=self.path,
@@ -256,7 +259,7 @@ class _Build:
 
     def block(self, block: Block) -> bytes:
         """An assembled block."""
-        encoded = load_block(self.campaign.folder, block.number)
+        encoded = load_block(self.campaign.folder, block.number, self.campaign.block_label)
         if encoded is None:
             raise BuildError(
                 f"{block_path(self.campaign.folder, block.number)} has disappeared or changed during "
@@ -272,8 +275,14 @@ class _Build:
                 f"{record_path(folder, case)} has disappeared or changed during the build; "
                 "run the same build again"
             )
+        if record.trajectory.status is Status.ERROR:  # no verdict: it raised, hung or was killed
+            record_path(folder, case).unlink()
+            raise BuildError(
+                f"{self.campaign.mission.name}: the nominal problem could not be solved "
+                f"({record.message}); run the same build again when that is mended"
+            )
         if not record.trajectory.status.ok:
-            shutil.rmtree(folder)
+            shutil.rmtree(folder, ignore_errors=True)
             raise BuildError(
                 f"{self.campaign.mission.name}: the nominal problem has no solution "
                 f"({record.message}) Nothing was written; move the target, widen the limits, "
@@ -359,7 +368,7 @@ def _refuse_other_database(path: Path, mission: Mission) -> None:
         )
 
 
-def _claim(folder: Path, campaign: Campaign) -> None:
+def _claim(folder: Path, campaign: Campaign, known: Mapping[int, KnownCase]) -> None:
     """Mark the folder of records as this build's, or refuse it if it is another's."""
     fingerprint = {
         "mission": campaign.mission.name,
@@ -368,6 +377,7 @@ def _claim(folder: Path, campaign: Campaign) -> None:
         "solver_settings": json.dumps(asdict(SolverSettings()), sort_keys=True),
         "gain_settings": json.dumps(asdict(campaign.gains), sort_keys=True),
         "time_limit": f"{campaign.time_limit!r} s",
+        "known_sha256": _digest(known),
         "ampi_version": package_version("ampi"),
     }
     found = read_fingerprint(folder)
@@ -386,8 +396,18 @@ def _claim(folder: Path, campaign: Campaign) -> None:
         ]
         raise BuildError(
             f"{folder} holds cases of another build (different {', '.join(differing)}); "
-            "finish that build, choose another path, or start afresh with resume off"
+            "finish that build, choose another path, or delete the folder to start afresh"
         )
     if found is None:
         discard_records(folder)  # blocks without cases
     write_fingerprint(folder, fingerprint, campaign.toml)
+
+
+def _digest(known: Mapping[int, KnownCase]) -> str:
+    """Of the optima that are not to be solved: resumed with others, a build would mix the two."""
+    digest = hashlib.sha256()
+    for case in sorted(known):
+        flown = known[case].trajectory
+        digest.update(f"{case} {flown.final_time!r} {flown.cost!r}".encode())
+        digest.update(np.ascontiguousarray(flown.states).tobytes())
+    return digest.hexdigest() if known else "none"

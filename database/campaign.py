@@ -77,6 +77,11 @@ class Campaign:
         return self.solver is solve and _flight_models(self.toml) <= MOST_MODELS
 
     @property
+    def block_label(self) -> str:
+        """What a block depends on besides its cases."""
+        return f"{self.gains}\n{self.toml}"
+
+    @property
     def mission(self) -> Mission:
         """The mission, parsed once per process."""
         return _mission_and_grid(self.toml)[0]

@@ -122,7 +122,7 @@ class SolveTogether(Job):
             for (case, attempt, _), flown in zip(ready, found, strict=True)
             if flown is not None
         ]
-        return _keeper().submit(keeping_records(campaign.folder, records))
+        return _keeper().submit(keeping_records(campaign.folder, records, campaign.mission))
 
     def without(self, attempt: int) -> SolveTogether:
         """Nothing: each case will be tried alone."""
@@ -189,7 +189,7 @@ class SolveCase(Job):
         trajectory = no_trajectory(mission.pseudospectral_mesh) if best is None else best
         seconds = time.perf_counter() - began
         record = CaseRecord(self.planned.case, trajectory, "; ".join(log), solves, seconds)
-        return _keeper().submit(keeping_records(self.campaign.folder, [record]))
+        return _keeper().submit(keeping_records(self.campaign.folder, [record], mission))
 
     def without(self, attempt: int) -> SolveCase:
         """The same case along the other paths."""
@@ -199,7 +199,7 @@ class SolveCase(Job):
         """A record with the status ERROR."""
         nothing = no_trajectory(self.campaign.mission.pseudospectral_mesh)
         record = CaseRecord(self.planned.case, nothing, reason, 0, 0.0)
-        keeping_records(self.campaign.folder, [record])()
+        keeping_records(self.campaign.folder, [record], self.campaign.mission)()
 
     def _starts(self) -> dict[int, Trajectory]:
         """The solved neighbours, best first."""
@@ -239,7 +239,8 @@ class AssembleBlock(Job):
         with stopped_after(self.campaign.time_limit * len(records)):
             values = assemble(mission, self.block, records, self.campaign.gains)
         encoded = encoded_block(values, block_shape(self.campaign.grid.shape))
-        return _keeper().submit(keeping_block(folder, self.block.number, encoded))
+        label = self.campaign.block_label
+        return _keeper().submit(keeping_block(folder, self.block.number, encoded, label))
 
     def without(self, attempt: int) -> Job:
         """There is one way only."""

@@ -10,7 +10,7 @@ import fcntl
 import os
 import socket
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 
@@ -31,6 +31,16 @@ def exclusive(folder: Path) -> Iterator[None]:
     LockedError
         If another process holds it.
     """
+    try:
+        with _held(folder):
+            yield
+    finally:  # on a network, a file that is open cannot be removed, nor can its folder
+        with suppress(OSError):
+            folder.rmdir()  # if it is empty
+
+
+@contextmanager
+def _held(folder: Path) -> Iterator[None]:
     path = folder / "lock"
     while True:
         folder.mkdir(exist_ok=True)

@@ -30,7 +30,7 @@ def planned_jobs(
         block
         for block in blocks(grid.shape)
         if any(case not in kept for case in block.cases(grid.shape))
-        or load_block(campaign.folder, block.number) is None
+        or load_block(campaign.folder, block.number, campaign.block_label) is None
     ]
     solved = set(kept)
     plan = layers(grid)

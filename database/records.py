@@ -18,19 +18,21 @@ import json
 import math
 import os
 import re
+import socket
 import zlib
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
 
 from ampi.missions.mission import Mission
-from ampi.pseudospectral.mesh import Mesh
 from ampi.trajectory import Statistics, Status, Trajectory
 
+HOST = socket.gethostname()
 CHECKSUM_BYTES = 4
 NEW_FILE = os.O_WRONLY | os.O_CREAT | os.O_TRUNC | os.O_CLOEXEC
 DELETERS = 16  # a file that was flushed takes milliseconds to delete; side by side they overlap
@@ -48,8 +50,10 @@ class CaseRecord:
     solves: int  # optimal control problems solved to get there
     seconds: float
 
-    def packed(self) -> bytes:
+    def packed(self, mission: Mission) -> bytes:
         """One line of JSON, the arrays it names one after the other as f8, a CRC-32 of all that.
+
+        `mission` is the build's: the CRC is also of its text and of the case's number.
 
         An .npz takes ten times as long to read, a quarter of a millisecond, and portions read hundreds.
         """
@@ -68,12 +72,12 @@ class CaseRecord:
         }
         parts = [json.dumps(head).encode(), b"\n"]
         parts += [np.ascontiguousarray(values, dtype="<f8").tobytes() for values in arrays.values()]
-        return _sealed(b"".join(parts))
+        return _sealed(b"".join(parts), _mark(mission.toml, self.case))
 
     @classmethod
-    def unpacked(cls, case: int, raw: bytes, mesh: Mesh) -> CaseRecord:
-        """The record in `raw`; ValueError if it is damaged."""
-        body = _unsealed(raw)
+    def unpacked(cls, case: int, raw: bytes, mission: Mission) -> CaseRecord:
+        """The record in `raw`; ValueError if it is damaged, or of another case or mission."""
+        body = _unsealed(raw, _mark(mission.toml, case))
         line, _, _ = body.partition(b"\n")
         head, place = json.loads(line), len(line) + 1
         arrays = {}
@@ -83,7 +87,7 @@ class CaseRecord:
             place += 8 * count
         final_time, cost, seconds, *excess = arrays["scalars"].tolist()
         trajectory = Trajectory(
-            mesh=mesh,
+            mesh=mission.pseudospectral_mesh,
             states=arrays["states"],
             bank_rate=arrays["bank_rate"],
             final_time=final_time,
@@ -102,7 +106,8 @@ def keeping(results: Mapping[str, bytes]) -> Callable[[], None]:
     its work done; one by one, each would wait for the disk in its turn. The folder is not flushed: a
     loss of power may take back the last renames, and those results are worked out again.
     """
-    temporaries = [f"{target}.{os.getpid()}.tmp" for target in results]
+    writer = f"{HOST}.{os.getpid()}"  # on a cluster, two may have one number
+    temporaries = [f"{target}.{writer}.tmp" for target in results]
     files: list[int] = []
 
     def keep() -> None:
@@ -187,17 +192,23 @@ def _record_file(folder: Path, case: int) -> str:
     return f"{folder}{os.sep}{_record_name(case)}"
 
 
-def keeping_records(folder: Path, records: Iterable[CaseRecord]) -> Callable[[], None]:
-    """`keeping` cases, each in its file."""
-    return keeping({_record_file(folder, r.case): r.packed() for r in records})
+def keeping_records(
+    folder: Path, records: Iterable[CaseRecord], mission: Mission
+) -> Callable[[], None]:
+    """`keeping` cases of a mission's grid, each in its file."""
+    return keeping({_record_file(folder, r.case): r.packed(mission) for r in records})
 
 
 def load_record(folder: Path, case: int, mission: Mission) -> CaseRecord | None:
-    """The record of a case, or None if it is absent or damaged (then it is solved again)."""
+    """The record of a case of this mission; None if it is absent, damaged or another's.
+
+    Another's: a cluster may still be running a job of a build that was given up, and keep its result in
+    the folder of the next one.
+    """
     try:
         with open(_record_file(folder, case), "rb", buffering=0) as file:
             raw = file.read()
-        return CaseRecord.unpacked(case, raw, mission.pseudospectral_mesh)
+        return CaseRecord.unpacked(case, raw, mission)
     except _DAMAGED:
         return None
 
@@ -207,15 +218,15 @@ def block_path(folder: Path, number: int) -> Path:
     return folder / f"block_{number:06d}.rec"
 
 
-def keeping_block(folder: Path, number: int, encoded: bytes) -> Callable[[], None]:
-    """`keeping` one block (`hdf5_file.encoded_block`)."""
-    return keeping({str(block_path(folder, number)): _sealed(encoded)})
+def keeping_block(folder: Path, number: int, encoded: bytes, label: str) -> Callable[[], None]:
+    """`keeping` one block (`hdf5_file.encoded_block`) of the build with this label."""
+    return keeping({str(block_path(folder, number)): _sealed(encoded, _mark(label, number))})
 
 
-def load_block(folder: Path, number: int) -> bytes | None:
-    """A block, or None if it is absent or damaged (then it is assembled again)."""
+def load_block(folder: Path, number: int, label: str) -> bytes | None:
+    """A block of the build with this label; None if it is absent, damaged or another's."""
     try:
-        return _unsealed(block_path(folder, number).read_bytes())
+        return _unsealed(block_path(folder, number).read_bytes(), _mark(label, number))
     except _DAMAGED:
         return None
 
@@ -228,13 +239,23 @@ def write_fingerprint(folder: Path, fingerprint: dict[str, str], toml: str) -> N
     keeping({str(folder / name): text for name in FINGERPRINTS})()
 
 
-def _sealed(raw: bytes) -> bytes:
-    return raw + zlib.crc32(raw).to_bytes(CHECKSUM_BYTES, "little")
+def _mark(label: str, number: int) -> int:
+    """Where a CRC-32 begins that is to be of a result and of what it belongs to."""
+    return zlib.crc32(str(number).encode(), _crc_of_text(label))
 
 
-def _unsealed(raw: bytes) -> bytes:
+@lru_cache(maxsize=8)
+def _crc_of_text(label: str) -> int:
+    return zlib.crc32(label.encode())
+
+
+def _sealed(raw: bytes, mark: int) -> bytes:
+    return raw + zlib.crc32(raw, mark).to_bytes(CHECKSUM_BYTES, "little")
+
+
+def _unsealed(raw: bytes, mark: int) -> bytes:
     body, checksum = raw[:-CHECKSUM_BYTES], raw[-CHECKSUM_BYTES:]
-    if zlib.crc32(body).to_bytes(CHECKSUM_BYTES, "little") != checksum:
+    if zlib.crc32(body, mark).to_bytes(CHECKSUM_BYTES, "little") != checksum:
         raise ValueError("a record does not match its checksum")
     return body
 

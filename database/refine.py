@@ -85,7 +85,7 @@ def with_point(mission: Mission, parameter: str, offset: float) -> Mission:
     begin = grid.end() if grid else len(mission.toml)
     after = re.compile(r"^[ \t]*\[", re.MULTILINE).search(mission.toml, begin)
     end = after.start() if after else len(mission.toml)
-    line = rf"^([ \t]*[\"']?{re.escape(axis.key)}[\"']?[ \t]*=[ \t]*)\[[^\]]*\]"
+    line = rf"^([ \t]*[\"']?{re.escape(axis.key)}[\"']?[ \t]*=[ \t]*)\[(?:[^\]#]|#.*)*\]"
     values = ", ".join(repr(value) for value in offsets)
     section, count = re.subn(line, rf"\g<1>[{values}]", mission.toml[begin:end], flags=re.MULTILINE)
     text = mission.toml[:begin] + section + mission.toml[end:]

@@ -35,7 +35,7 @@ from database.jobs import Job, JobError
 from database.worker import START, Began, Computed, Kept, Message, Raised, Ready
 
 DEATHS = 3
-MISFORTUNES = 30  # deaths while its result was being flushed: so many are no accident either
+MISFORTUNES = 30  # deaths before it began or while its result was flushed: no accident either
 LAST_BREATH = 5.0  # s between a worker's end of file and its exit status
 SETTINGS = {
     "OMP_NUM_THREADS": "1",  # the matrices are small, and the workers are processes
@@ -184,7 +184,7 @@ class Supervisor:
 
     def run(self, job: Job) -> None:
         """Run a job until its result is kept, whatever happens to the workers."""
-        deaths, deaths_flushing = 0, 0
+        deaths, misfortunes = 0, 0
         while True:
             worker = self._take()
             try:
@@ -195,11 +195,11 @@ class Supervisor:
                     raise
                 if lost.overdue:
                     job = job.without(lost.attempt)
-                elif lost.computed:
-                    deaths_flushing += 1
+                elif lost.computed or lost.attempt < 0:
+                    misfortunes += 1
                 else:
                     deaths += 1
-                for times, most in ((deaths, DEATHS), (deaths_flushing, MISFORTUNES)):
+                for times, most in ((deaths, DEATHS), (misfortunes, MISFORTUNES)):
                     if times == most:
                         job.give_up(f"Its worker process died {times} times, by {lost.cause}.")
                         return

@@ -8,7 +8,18 @@ from pathlib import Path
 
 import pytest
 
-from database.records import keeping
+from ampi.missions.mission import Mission, parse_mission
+from database.attempts import no_trajectory
+from database.lock import exclusive
+from database.records import (
+    CaseRecord,
+    keeping,
+    keeping_block,
+    keeping_records,
+    load_block,
+    load_record,
+    record_path,
+)
 
 
 def names(folder: Path) -> list[str]:
@@ -53,3 +64,30 @@ def test_a_disk_that_refuses_leaves_no_open_files_and_no_parts(
         keeping({str(tmp_path / name): b"result" for name in ("one", "two", "three")})()
     assert len(names(tmp_path)) == kept
     assert names(Path("/proc/self/fd")) == files
+
+
+def test_a_record_is_of_its_mission_and_of_its_case(small_mission: Mission, tmp_path: Path) -> None:
+    """What a cluster's job of a build that was given up leaves in the folder of the next one."""
+    record = CaseRecord(3, no_trajectory(small_mission.pseudospectral_mesh), "nothing", 0, 0.0)
+    keeping_records(tmp_path, [record], small_mission)()
+    assert load_record(tmp_path, 3, small_mission) is not None
+    other = parse_mission(small_mission.toml.replace("mass_kg = 500.0", "mass_kg = 490.0"))
+    assert other.vehicle.mass != small_mission.vehicle.mass
+    assert load_record(tmp_path, 3, other) is None
+    record_path(tmp_path, 3).rename(record_path(tmp_path, 4))
+    assert load_record(tmp_path, 4, small_mission) is None
+
+
+def test_a_block_is_of_its_build(tmp_path: Path) -> None:
+    keeping_block(tmp_path, 2, b"values", "this build")()
+    assert load_block(tmp_path, 2, "this build") == b"values"
+    assert load_block(tmp_path, 2, "another") is None
+
+
+def test_a_folder_that_empties_as_its_lock_closes_goes(tmp_path: Path) -> None:
+    """A network's file system keeps an open file under another name until it is closed."""
+    folder = tmp_path / "a.h5.partial"
+    with exclusive(folder):
+        (folder / "lock").unlink()
+        assert folder.is_dir()
+    assert not folder.exists()

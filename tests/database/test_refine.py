@@ -167,7 +167,11 @@ def test_a_point_is_added_to_the_text_and_to_nothing_else(small_mission: Mission
 
 @pytest.mark.parametrize(
     "axis",
-    ['"vehicle.mass_kg" = [0, 5]', "vehicle.mass_kg = [0,\n 5,\n]", "'vehicle.mass_kg'=[0, 5.0]"],
+    [
+        '"vehicle.mass_kg" = [0, 5]',
+        "vehicle.mass_kg = [0, # [S]\n 5,\n]",
+        "'vehicle.mass_kg'=[0, 5.0]",
+    ],
 )
 def test_an_axis_may_be_written_as_toml_allows(small_mission: Mission, axis: str) -> None:
     text = small_mission.toml + axis + "\n[[no_fly_zone]]\n"
