@@ -72,6 +72,11 @@ def error_map_figure(cells: Sequence[CellBar]) -> Figure:
     colours = [CHOSEN_COLOUR if cell.chosen else DATABASE_COLOUR for cell in cells]
     for axes, (column, label) in zip(panels, PANELS.items(), strict=True):
         axes.barh(place, [cell.errors[column] for cell in cells], color=colours, height=0.72)
+        for y, cell in zip(place, cells, strict=True):
+            if not np.isfinite(cell.errors[column]):  # no bar would look like no error
+                axes.annotate(
+                    "unknown", (0, y), (4, 0), textcoords="offset points", va="center", fontsize=8
+                )
         axes.set(xlabel=label, ylim=(-0.6, len(cells) - 0.4))
         for above, below in zip(range(len(cells)), range(1, len(cells)), strict=False):
             if cells[above].parameter != cells[below].parameter:

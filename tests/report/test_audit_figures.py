@@ -53,3 +53,12 @@ def test_every_cell_is_a_bar_and_one_is_chosen() -> None:
         assert chosen == [False, True, False]
     labels = [t.get_text() for t in figure.axes[0].get_yticklabels()]
     assert labels == ["speed\n-70 … 0", "density_factor\n-0.1 … 0", "density_factor\n0 … 0.1"]
+
+
+def test_a_cell_of_which_nothing_is_known_says_so() -> None:
+    cells = [
+        CellBar("speed", "-70 … 0", dict.fromkeys(PANELS, float("nan")), False),
+        CellBar("speed", "0 … 70", dict.fromkeys(PANELS, 3.0), True),
+    ]
+    for axes in error_map_figure(cells).axes:
+        assert [t.get_text() for t in axes.texts] == ["unknown"]
