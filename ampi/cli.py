@@ -387,7 +387,10 @@ def _print_coherence(report: Any) -> None:
     for outlier in smooth.outliers:
         out.print(f"  {_outlier_name(outlier)}: roughness {outlier.roughness:.1f}")
     if smooth.outliers:
-        out.print("  re-solve them from their neighbours with: ampi audit --repair")
+        out.print(
+            "  on another branch, or where a limit begins to act; re-solve them from their neighbours "
+            "with: ampi audit --repair"
+        )
 
 
 def _outlier_name(outlier: Any) -> str:

@@ -99,6 +99,7 @@ class AuditReport:
         smooth = numbers["coherence"]
         for key in ("scale", "worst"):
             smooth[key] = dict(zip(ROWS, getattr(self.coherence, key).tolist(), strict=True))
+        smooth["bend"] = [dict(zip(ROWS, b.tolist(), strict=True)) for b in self.coherence.bend]
         smooth["roughness"] = self.coherence.roughness.ravel().tolist()
         smooth["threshold"] = THRESHOLD
         for cell, plain in zip(self.error_map, numbers["error_map"], strict=True):

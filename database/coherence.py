@@ -11,7 +11,12 @@ What counts as small is the family's own roughness: for each row
 
     s = max over the axes of (median |δ| + 1.4826 MAD |δ|),                                    (2)
 
-which a few bad cases cannot move: |δ| / s is the irregularity of a triple. An optimum of another branch
+which a few bad cases cannot move, and at least `RESOLUTION` of the row's range: below, optima differ by
+their convergence. On an uneven axis wide triples bend more than the median one; there
+
+    s of a triple = max(s, (b − a)(c − b) · (median |f| + 1.4826 MAD |f|)),                    (2a)
+
+which on an even axis is s. |δ| / s is the irregularity of a triple. An optimum of another branch
 spoils every line through it, a good one beside it only the line they share, so
 
     roughness of a case = min over the triples that hold it of max over the rows of |δ| / s.   (3)
@@ -39,6 +44,7 @@ Array = NDArray[np.float64]
 ROWS = (*STATES, "final_time")
 # The 729 optima of SHEFEX-3 reach 5 (their 2187 with density 6), a case of its other branch 16 to 40.
 THRESHOLD = 10.0
+RESOLUTION = 1e-5
 
 
 @dataclass(frozen=True)
@@ -57,6 +63,7 @@ class Coherence:
 
     triples: int
     scale: Array  # (8,), Eq. (2): SI, rad
+    bend: tuple[Array, ...]  # of each axis, (8,): median + 1.4826 MAD of |f[a, b, c]|, Eq. (2a)
     worst: Array  # (8,), greatest |δ| / s of each row
     roughness: Array  # (p…), Eq. (3); 0 where no axis has three points
     outliers: tuple[Outlier, ...]
@@ -81,9 +88,14 @@ def coherence(dataset: TrajectoryDataset) -> Coherence:
     }
     if not misses:
         nothing = np.zeros(len(ROWS))
-        return Coherence(0, nothing, nothing, np.zeros(dataset.shape), ())
-    scale = family_scale(list(misses.values()))
-    ratios = {i: miss / scale for i, miss in misses.items()}
+        bend = (nothing,) * len(dataset.axes)
+        return Coherence(0, nothing, bend, nothing, np.zeros(dataset.shape), ())
+    scale = family_scale(list(misses.values()), rows)
+    bends = {i: _typical(miss / _product(dataset.axes[i], miss)) for i, miss in misses.items()}
+    bend = tuple(bends.get(i, np.zeros(len(ROWS))) for i in range(len(dataset.axes)))
+    ratios = {
+        i: miss / triple_scale(dataset.axes[i], scale, bend[i], miss) for i, miss in misses.items()
+    }
     roughness = np.full(dataset.shape, np.inf)
     for i, ratio in ratios.items():
         along, worst = np.moveaxis(roughness, i, 0), _known(ratio.max(axis=-1), np.inf)
@@ -95,6 +107,7 @@ def coherence(dataset: TrajectoryDataset) -> Coherence:
     return Coherence(
         triples=sum(int(np.prod(r.shape[:-1])) for r in ratios.values()),
         scale=scale,
+        bend=bend,
         worst=np.max(
             [_known(r, 0.0).reshape(-1, len(ROWS)).max(axis=0) for r in ratios.values()], 0
         ),
@@ -111,24 +124,41 @@ def chord_misses(axis: Array, rows: Array) -> Array:
     return miss
 
 
-def family_scale(misses: list[Array]) -> Array:
-    """s of Eq. (2), (r,)."""
-    found = []
-    for miss in misses:
-        flat = miss.reshape(-1, miss.shape[-1])
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", RuntimeWarning)  # a line of failed cases has no median
-            median = np.nanmedian(flat, axis=0)
-            spread = np.nanmedian(np.abs(flat - median), axis=0)
-        found.append(_known(median + 1.4826 * spread, 0.0))
-    scale: Array = np.max(found, axis=0)
+def family_scale(misses: list[Array], rows: Array) -> Array:
+    """s of Eq. (2), (r,), from the misses and from the rows (p…, r, n) themselves."""
+    flat = np.moveaxis(rows, -2, 0).reshape(rows.shape[-2], -1)
+    low, high = np.nanmin(flat, axis=1), np.nanmax(flat, axis=1)
+    scale: Array = np.max([_typical(miss) for miss in misses], axis=0)
+    scale = np.maximum(scale, RESOLUTION * (high - low))
     return np.where(scale > 0.0, scale, np.inf)
 
 
+def triple_scale(axis: Array, scale: Array, bend: Array, miss: Array) -> Array:
+    """s of Eq. (2a) for the triples of an axis, of the shape of their misses or one that broadcasts."""
+    wide: Array = np.maximum(scale, _product(axis, miss) * bend)
+    return wide
+
+
+def _product(axis: Array, miss: Array) -> Array:
+    """(b − a)(c − b) of an axis' triples, (k − 2, 1 …)."""
+    step = np.diff(axis)
+    return (step[:-1] * step[1:]).reshape(-1, *[1] * (miss.ndim - 1))
+
+
+def _typical(values: Array) -> Array:
+    """Median + 1.4826 MAD over all but the last axis, (r,)."""
+    flat = values.reshape(-1, values.shape[-1])
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", RuntimeWarning)  # a line of failed cases has no median
+        median = np.nanmedian(flat, axis=0)
+        spread = np.nanmedian(np.abs(flat - median), axis=0)
+    return _known(median + 1.4826 * spread, 0.0)
+
+
 def case_roughness(
-    axes: tuple[Array, ...], rows: Array, index: tuple[int, ...], scale: Array
+    axes: tuple[Array, ...], rows: Array, index: tuple[int, ...], family: Coherence
 ) -> float:
-    """Eq. (3) of one case, from the lines through it."""
+    """Eq. (3) of one case, from the lines through it, on the scale of its family."""
     found = [np.inf]
     for i, axis in enumerate(axes):
         low, high = max(0, index[i] - 2), min(len(axis), index[i] + 3)
@@ -136,7 +166,9 @@ def case_roughness(
             continue
         through: Any = (*index[:i], slice(low, high), *index[i + 1 :])
         line = rows[through]
-        found += (chord_misses(axis[low:high], line) / scale).max(axis=-1).tolist()
+        miss = chord_misses(axis[low:high], line)
+        scale = triple_scale(axis[low:high], family.scale, family.bend[i], miss)
+        found += (miss / scale).max(axis=-1).tolist()
     known = [value for value in found if np.isfinite(value)]
     return min(known, default=0.0)
 

@@ -74,7 +74,7 @@ def repair(path: str | Path, *, solver: Solver = solve, n_jobs: int = 2) -> tupl
             if not candidate.status.ok:
                 continue
             rows[outlier.index] = _rows(candidate)
-            there = case_roughness(dataset.axes, rows, outlier.index, found.scale)
+            there = case_roughness(dataset.axes, rows, outlier.index, found)
             if there < MATERIALLY * roughness:
                 best, roughness = candidate, there
                 message = f"re-solved from case {neighbour}: {candidate.status.sentence}"

@@ -15,7 +15,7 @@ import ampi
 import database
 from ampi.dataset import TrajectoryDataset, partial_folder, read_dataset
 from ampi.loading import load_guidance
-from ampi.missions.mission import Mission
+from ampi.missions.mission import Mission, parse_mission
 from database.build import BuildError, KnownCase
 from database.coherence import THRESHOLD, case_roughness, chord_misses, coherence, family_rows
 from database.grid import Grid
@@ -60,8 +60,49 @@ def test_one_jump_is_blamed_on_the_case_that_jumped(small_database: Path, case: 
     found = coherence(jumped)
     assert [o.case for o in found.outliers] == [case]
     index = found.outliers[0].index
-    again = case_roughness(jumped.axes, family_rows(jumped), index, found.scale)
+    again = case_roughness(jumped.axes, family_rows(jumped), index, found)
     assert again == pytest.approx(found.outliers[0].roughness)
+
+
+@pytest.mark.parametrize("jump", [None, 1, 5])  # the middle would spoil three triples of five
+def test_an_uneven_axis_accuses_nobody_but_the_case_that_jumped(
+    small_database: Path, small_mission: Mission, jump: int | None
+) -> None:
+    """A parabola misses wide chords by more: Eq. (2a) expects it. 18 to 58 on the scale of Eq. (2)."""
+    offsets = [-150.0, -5.0, -2.5, 0.0, 2.5, 5.0, 150.0]
+    text = small_mission.toml[: small_mission.toml.index("[grid]")]
+    mission = parse_mission(f"{text}[grid]\nspeed_m_per_s = {offsets}\n")
+    small = read_dataset(small_database)
+    p = np.array(offsets)
+    states = p[:, None, None] ** 2 * np.ones(small.states.shape[-2:])
+    if jump is not None:
+        states[jump, 6] += 1e4
+    family = dataclasses.replace(
+        small,
+        mission=mission,
+        axes=mission.grid_axes,
+        states=states,
+        final_time=600.0 + p,
+        status=np.zeros(len(p), dtype=int),
+    )
+    found = coherence(family)
+    assert bool(found.outliers) is (jump is not None)
+    if jump is None:
+        assert found.worst.max() == pytest.approx(1.0)
+    else:
+        assert abs(found.outliers[0].case - jump) <= 1  # a single line: the blame is a guess
+
+
+def test_what_convergence_leaves_is_no_roughness(small_database: Path) -> None:
+    """A parameter without effect: its optima differ by the last digits of the solver, at random."""
+    dataset = read_dataset(small_database)
+    noise = 1.0 + 1e-7 * np.random.default_rng(3).standard_normal(dataset.states.shape)
+    noise[1, 1] = 1.0 + 1e-5 * (noise[1, 1] - 1.0)
+    states = np.broadcast_to(dataset.states[1, 1], dataset.states.shape) * noise
+    found = coherence(
+        dataclasses.replace(dataset, states=states, final_time=np.full((3, 3), 600.0))
+    )
+    assert found.worst.max() < 1.0
 
 
 def test_a_failed_case_takes_no_part(small_database: Path) -> None:
