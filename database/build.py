@@ -13,13 +13,12 @@ from __future__ import annotations
 
 import errno
 import hashlib
-import json
 import pickle
 import shutil
 import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import AbstractContextManager, closing, contextmanager
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from pathlib import Path
 from threading import Thread
 from typing import Any
@@ -30,17 +29,17 @@ import numpy as np
 from ampi.dataset import TrajectoryDataset, partial_folder, stored_mission
 from ampi.missions.mission import Mission
 from ampi.scp.capabilities import check
-from ampi.scp.exact_hessian import SolverSettings
 from ampi.scp.solve import solve
 from ampi.trajectory import Status, Trajectory
 from database.blocks import Block, blocks
-from database.campaign import TIME_LIMIT, Campaign, Solver, solver_name
+from database.campaign import TIME_LIMIT, Campaign, Solver
 from database.engines import ClusterEngine, Engine, LocalEngine
 from database.gains import GainSettings
 from database.hdf5_file import decoded_block
 from database.jobs import JobError
 from database.lock import LockedError, exclusive
 from database.plan import case_name, planned_jobs
+from database.provenance import made_by, provenance
 from database.records import (
     FINGERPRINTS,
     CaseRecord,
@@ -57,7 +56,7 @@ from database.records import (
     write_fingerprint,
 )
 from database.schedule import run_jobs
-from database.writer import package_version, provenance, write_database
+from database.writer import write_database
 
 READABLE = 50  # characters of a setting, to be shown
 KNOWN_AT_ONCE = 256  # files open at the same time
@@ -173,9 +172,11 @@ def build(
     ):
         if not resume:
             discard_records(folder)
-        _claim(folder, campaign, known or {})
+        made = made_by(campaign)  # while the workers import what they need
+        _claim(folder, campaign, made, known or {})
         _keep_known(campaign, known or {})
-        return _Build(campaign, path, engine, advance or (lambda count: None)).run()
+        attributes = provenance(campaign, made)
+        return _Build(campaign, path, attributes, engine, advance or (lambda count: None)).run()
 
 
 def _keep_known(campaign: Campaign, known: Mapping[int, KnownCase]) -> None:
@@ -204,6 +205,7 @@ class _Build:
 
     campaign: Campaign
     path: Path
+    attributes: Mapping[str, object]
     engine: Engine
     advance: Callable[[int], None]
     began: float = field(default_factory=time.perf_counter)
@@ -227,13 +229,12 @@ class _Build:
                 self.require_nominal(nominal)
             self.advance(1 if name.startswith("case ") else 0)
 
-        attributes = provenance(campaign)  # while the workers import what they need
         run_jobs(jobs, needs, self.engine, finished)
         Thread(target=self.engine.close).start()  # they end while the file is written
         solve_seconds = time.perf_counter() - self.began
         tally = _Tally()
         final_time = self.require_nominal(nominal).trajectory.final_time
-        write_database(self.path, campaign, attributes, final_time, tally.count(self, parts))
+        write_database(self.path, campaign, self.attributes, final_time, tally.count(self, parts))
         discard_records(campaign.folder)
         shutil.rmtree(
             campaign.folder, ignore_errors=True
@@ -368,17 +369,18 @@ def _refuse_other_database(path: Path, mission: Mission) -> None:
         )
 
 
-def _claim(folder: Path, campaign: Campaign, known: Mapping[int, KnownCase]) -> None:
+def _claim(
+    folder: Path,
+    campaign: Campaign,
+    made: Mapping[str, object],
+    known: Mapping[int, KnownCase],
+) -> None:
     """Mark the folder of records as this build's, or refuse it if it is another's."""
     fingerprint = {
         "mission": campaign.mission.name,
         "mission_sha256": hashlib.sha256(campaign.toml.encode()).hexdigest(),
-        "solver": solver_name(campaign.solver),
-        "solver_settings": json.dumps(asdict(SolverSettings()), sort_keys=True),
-        "gain_settings": json.dumps(asdict(campaign.gains), sort_keys=True),
-        "time_limit": f"{campaign.time_limit!r} s",
+        **{key: str(value) for key, value in made.items()},
         "known_sha256": _digest(known),
-        "ampi_version": package_version("ampi"),
     }
     found = read_fingerprint(folder)
     count = count_records(folder)
@@ -396,7 +398,8 @@ def _claim(folder: Path, campaign: Campaign, known: Mapping[int, KnownCase]) -> 
         ]
         raise BuildError(
             f"{folder} holds cases of another build (different {', '.join(differing)}); "
-            "finish that build, choose another path, or delete the folder to start afresh"
+            "finish that build as it was begun, choose another path, or delete the folder to start "
+            "afresh"
         )
     if found is None:
         discard_records(folder)  # blocks without cases

@@ -8,12 +8,13 @@ its dask backend then waits for ever.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from functools import lru_cache
 from typing import Any, Protocol
 
 from database.jobs import Job, JobError
+from database.provenance import software
 from database.supervisor import Supervisor
 
 RETRIES = 3  # of a job that raises on a cluster: a folder may be out of reach for a moment
@@ -73,7 +74,7 @@ class ClusterEngine:
 
     def submit(self, job: Job, tell: Callable[[BaseException | None], None]) -> None:
         """Run a job on some worker, and again elsewhere if that worker is lost."""
-        future = self._client.submit(run_supervised, job, pure=False, retries=RETRIES)
+        future = self._client.submit(run_supervised, job, software(), pure=False, retries=RETRIES)
         self._futures.add(future)
 
         def done(finished: Any) -> None:
@@ -107,6 +108,19 @@ def _here() -> Supervisor:
     return Supervisor()
 
 
-def run_supervised(job: Job) -> None:
-    """A job in a process of its own on a cluster's worker, which it cannot bring down."""
+def run_supervised(job: Job, expected: Mapping[str, str]) -> None:
+    """A job in a process of its own on a cluster's worker, which it cannot bring down.
+
+    Raises
+    ------
+    JobError
+        If the worker has other software than the file will name.
+    """
+    other = {name: found for name, found in software().items() if found != expected.get(name)}
+    if other:
+        name, found = next(iter(other.items()))
+        raise JobError(
+            f"a worker of the cluster has {name} {found}, this build {expected.get(name)}; "
+            "install the same software everywhere"
+        )
     _here().run(job)

@@ -1,26 +1,19 @@
-"""The single writer: from assembled blocks to one HDF5 file, with provenance."""
+"""The single writer: from assembled blocks to one HDF5 file."""
 
 from __future__ import annotations
 
-import json
-import platform
-import subprocess
 from collections.abc import Iterable, Mapping
-from dataclasses import asdict
-from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ampi.dataset import SCHEMA_VERSION
 from ampi.physics.equations_of_motion import STATES
 from ampi.physics.path_constraints import PATH_CONSTRAINTS
 from ampi.pseudospectral.mesh import Mesh
-from ampi.scp.exact_hessian import SolverSettings
 from ampi.scp.problem import OptimalControlProblem
 from database.blocks import Block, block_shape
-from database.campaign import Campaign, solver_name
+from database.campaign import Campaign
 from database.hdf5_file import write_dataset
 
 Array = NDArray[np.float64]
@@ -81,48 +74,3 @@ def write_database(
         blocks=((block.slices, encoded) for block, encoded in encoded_blocks),
         attributes=attributes,
     )
-
-
-def provenance(campaign: Campaign) -> dict[str, object]:
-    """Root attributes: enough to build the file again. Nothing depends on host or clock."""
-    mission = campaign.mission
-    attributes: dict[str, object] = {
-        "schema_version": SCHEMA_VERSION,
-        "title": f"Trajectory database of {mission.title}",
-        "mission": mission.name,
-        "mission_toml": mission.toml,
-        "parameters": np.array(campaign.grid.names, dtype=object),
-        "bank_rate_effort": mission.objective.bank_rate_effort,
-        "mesh": json.dumps([asdict(p) for p in mission.pseudospectral_mesh.phases]),
-        "solver_settings": json.dumps(asdict(SolverSettings()), sort_keys=True),
-        "time_limit": campaign.time_limit,  # s, of one solve
-        "gain_settings": json.dumps(asdict(campaign.gains), sort_keys=True),
-        "ampi_version": package_version("ampi"),
-        "git_revision": git_revision(),
-        "python_version": platform.python_version(),
-    }
-    for package in ("numpy", "scipy", "casadi", "clarabel", "h5py"):
-        attributes[f"{package}_version"] = package_version(package)
-    return {**attributes, "solver": solver_name(campaign.solver)}
-
-
-def package_version(name: str) -> str:
-    """Installed version of a package, or 'unknown'."""
-    try:
-        return version(name)
-    except PackageNotFoundError:
-        return "unknown"
-
-
-def git_revision() -> str:
-    """Revision of the checkout that this file lies in, or 'unknown' (an installed wheel)."""
-    try:
-        return subprocess.run(
-            ["git", "rev-parse", "HEAD"],
-            cwd=Path(__file__).parent,
-            capture_output=True,
-            text=True,
-            check=True,
-        ).stdout.strip()
-    except (OSError, subprocess.CalledProcessError):
-        return "unknown"

@@ -22,6 +22,7 @@ from database.continuation import layers
 from database.engines import ClusterEngine
 from database.grid import Grid
 from database.jobs import SolveCase
+from database.provenance import software
 from database.records import load_record
 
 distributed = pytest.importorskip("distributed")
@@ -69,11 +70,23 @@ def test_the_command_line_finds_a_scheduler(
 def test_workers_without_the_folder_are_found_out(
     small_mission: Mission, tmp_path: Path, client: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def elsewhere(job: object) -> None:
+    def elsewhere(job: object, expected: object) -> None:
         """A worker whose folder of this name is another one."""
 
     monkeypatch.setattr("database.engines.run_supervised", elsewhere)
     with pytest.raises(BuildError, match=r"case 4: its result is not in .*on a shared file system"):
+        database.build(small_mission, tmp_path / "a.h5", client=client)
+
+
+def test_a_worker_with_other_software_is_named(
+    small_mission: Mission, tmp_path: Path, client: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The file names one version of each package, and every number in it is of that one."""
+    versions = {**software(), "casadi_version": "2.0"}
+    monkeypatch.setattr("database.engines.software", lambda: versions)
+    with pytest.raises(
+        BuildError, match=r"a worker of the cluster has casadi_version .*build 2\.0"
+    ):
         database.build(small_mission, tmp_path / "a.h5", client=client)
 
 
