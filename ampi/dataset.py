@@ -232,10 +232,27 @@ def check_whole(file: h5py.File, path: Path) -> None:
         )
 
 
+def axis_faults(file: h5py.File, mission: Mission) -> Iterator[str]:
+    """Where the axes of a file are not those of the mission it carries: its cases are of those."""
+    declared = [p.name for p in mission.parameters]
+    names = [str(name) for name in file.attrs["parameters"]]
+    if names != declared:
+        yield f"parameters: expected {', '.join(declared)} of the mission's grid, got {', '.join(names)}"
+        return
+    for parameter in mission.parameters:
+        axis = file[f"axis_{parameter.name}"][()]
+        if not np.array_equal(axis, parameter.axis):
+            yield (
+                f"axis_{parameter.name}: expected {parameter.axis} of the mission's grid, got {axis}"
+            )
+
+
 def _read_checked(file: h5py.File, path: Path) -> TrajectoryDataset:
     check_whole(file, path)
     mission = parse_mission(str(file.attrs["mission_toml"]), label=f"{path}: mission")
     names = tuple(str(name) for name in file.attrs["parameters"])
+    for fault in axis_faults(file, mission):
+        raise DatasetError(f"{path}: {fault}; rebuild it")
     return TrajectoryDataset(
         mission=mission,
         names=names,

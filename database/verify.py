@@ -5,7 +5,7 @@
     chunks        fletcher32 of every chunk                         which cases a damage touches
     content       SHA-256 of values and attributes                  a file rewritten by other means
     schema        version, shapes, types, units                     a file of other making
-    values        axes increase; solved cases are finite, others NaN
+    values        axes are those of the mission's grid; solved cases are finite, others NaN
 
 The loader refuses a file at the first doubt; here every check runs as far as it can, a chunk at a time.
 """
@@ -30,10 +30,12 @@ from ampi.dataset import (
     FIELDS,
     SCHEMA_VERSION,
     DatasetError,
+    axis_faults,
     content_digest,
     partial_folder,
     seal_holds,
 )
+from ampi.missions.mission import parse_mission
 from ampi.trajectory import Status
 
 FINITE = ("states", "bank_rate", "gains", "final_time")  # in every solved case, and in no other
@@ -205,10 +207,10 @@ def _check_schema(file: h5py.File) -> Iterator[str]:
 
 
 def _check_values(file: h5py.File) -> Iterator[str]:
-    for name in file.attrs["parameters"]:
-        axis = file[f"axis_{name}"][()]
-        if not (np.all(np.isfinite(axis)) and np.all(np.diff(axis) > 0)):
-            yield f"axis_{name}: expected finite, strictly increasing values, got {axis}"
+    try:
+        yield from axis_faults(file, parse_mission(str(file.attrs["mission_toml"])))
+    except ValueError as error:
+        yield f"mission_toml: {_short(error)}"
     status = file["status"]
     for name in FINITE:
         dataset, inner = file[name], len(FIELDS[name].dimensions)

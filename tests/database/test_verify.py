@@ -115,7 +115,8 @@ def forged(source: Path, target: Path) -> Path:
         ("final_time", np.nan, "final_time: 1 cases are not finite though solved"),
         ("states", np.inf, "states: 1 cases are not finite though solved"),
         ("status", int(Status.STALLED), "states: 1 cases are not finite though solved, or finite"),
-        ("axis_speed", 1e9, "axis_speed: expected finite, strictly increasing values"),
+        ("axis_speed", 1e9, "axis_speed: expected [4642.26 4712.26 4782.26] of the mission's grid"),
+        ("axis_speed", 4700.0, "axis_speed: expected [4642.26 4712.26 4782.26] of the mission's grid"),
         ("ld_to_hd", np.nan, "ld_to_hd: expected finite values"),
     ],
 )
@@ -129,6 +130,43 @@ def test_values_are_checked_behind_a_good_seal(
     seal(path)
     faults = verify(path).faults
     assert any(f.startswith(fault) for f in faults), faults
+
+
+def test_an_axis_moved_behind_a_good_seal_does_not_fly(
+    small_database: Path, tmp_path: Path
+) -> None:
+    path = forged(small_database, tmp_path / "forged.h5")
+    with h5py.File(path, "r+") as file:
+        file["axis_speed"][0] -= 10.0
+        file.attrs[DIGEST] = content_digest(file)
+    seal(path)
+    with pytest.raises(DatasetError, match=r"axis_speed: expected .* of the mission's grid, got"):
+        load_guidance(path)
+
+
+def test_parameters_renamed_behind_a_good_seal_are_found(
+    small_database: Path, tmp_path: Path
+) -> None:
+    path = forged(small_database, tmp_path / "forged.h5")
+    with h5py.File(path, "r+") as file:
+        file.attrs["parameters"] = file.attrs["parameters"][::-1]
+        file.attrs[DIGEST] = content_digest(file)
+    seal(path)
+    fault = (
+        "parameters: expected speed, flight_path_angle of the mission's grid, got flight_path_angle"
+    )
+    assert any(f.startswith(fault) for f in verify(path).faults)
+    with pytest.raises(DatasetError, match=fault):
+        load_guidance(path)
+
+
+def test_a_mission_that_is_none_is_named(small_database: Path, tmp_path: Path) -> None:
+    path = forged(small_database, tmp_path / "forged.h5")
+    with h5py.File(path, "r+") as file:
+        file.attrs["mission_toml"] = "mission = 3"
+        file.attrs[DIGEST] = content_digest(file)
+    seal(path)
+    assert any(f.startswith("mission_toml: ") for f in verify(path).faults)
 
 
 def test_schema_is_checked_behind_a_good_seal(small_database: Path, tmp_path: Path) -> None:
