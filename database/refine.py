@@ -1,17 +1,20 @@
 """One more point on one axis: the refined mission, with every solved case of the old database in it.
 
 The grid is a Cartesian product, so a new axis value adds a whole layer of cases; every old case is a
-case of the new grid. The mission's text is edited, not its parsed form: the file carries the text.
+case of the new grid. The mission's text is edited (tomlkit), not its parsed form: the
+file carries the text, comments and all.
 """
 
 from __future__ import annotations
 
-import re
-from collections.abc import Callable
+from bisect import bisect
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+import tomlkit
 
 from ampi.dataset import TrajectoryDataset, read_dataset
 from ampi.missions.mission import Mission, parse_mission
@@ -20,10 +23,6 @@ from database.build import BuildReport, KnownCase, build
 from database.campaign import Solver, as_built
 from database.error_map import CellError, best_cell, error_map
 from database.grid import Grid
-
-
-class RefineError(ValueError):
-    """A database that cannot be refined; the message says what to do."""
 
 
 @dataclass(frozen=True)
@@ -72,29 +71,21 @@ def refine(
 
 
 def with_point(mission: Mission, parameter: str, offset: float) -> Mission:
-    """The mission with `offset` (in the unit of the axis' key) added to an axis of its grid.
-
-    Raises
-    ------
-    RefineError
-        If the axis does not stand in the mission's [grid] table as KEY = [offsets].
-    """
+    """The mission with `offset` (in the unit of the axis' key) added to an axis of its grid."""
     axis = next(p for p in mission.parameters if p.name == parameter)
-    offsets = sorted({*axis.offsets, offset})
-    grid = re.search(r"^[ \t]*\[[ \t]*grid[ \t]*\].*$", mission.toml, re.MULTILINE)
-    begin = grid.end() if grid else len(mission.toml)
-    after = re.compile(r"^[ \t]*\[", re.MULTILINE).search(mission.toml, begin)
-    end = after.start() if after else len(mission.toml)
-    line = rf"^([ \t]*[\"']?{re.escape(axis.key)}[\"']?[ \t]*=[ \t]*)\[(?:[^\]#]|#.*)*\]"
-    values = ", ".join(repr(value) for value in offsets)
-    section, count = re.subn(line, rf"\g<1>[{values}]", mission.toml[begin:end], flags=re.MULTILINE)
-    text = mission.toml[:begin] + section + mission.toml[end:]
-    if count != 1:
-        raise RefineError(
-            f"{mission.name}: expected the axis of {parameter} as one line {axis.key} = [...] of the "
-            f"[grid] table, found {count}; write it so, with {offset:g} in it, and build"
-        )
-    return parse_mission(text, label=f"{mission.name}, refined")
+    document = tomlkit.parse(mission.toml)
+    offsets = next(array for key, array in _axes(document["grid"]) if key == axis.key)
+    offsets.insert(bisect(axis.offsets, offset), offset)
+    return parse_mission(tomlkit.dumps(document), label=f"{mission.name}, refined")
+
+
+def _axes(table: Mapping[str, Any], path: str = "") -> Iterator[tuple[str, Any]]:
+    """Dotted key and array of every axis, in sub-tables too."""
+    for key, value in table.items():
+        if isinstance(value, Mapping):
+            yield from _axes(value, f"{path}{key}.")
+        else:
+            yield f"{path}{key}", value
 
 
 def carried_over(

@@ -17,7 +17,7 @@ from ampi.trajectory import Status, Trajectory
 from database.audit import nodal_reference
 from database.error_map import COLUMNS, CellError, best_cell, error_map
 from database.gains import GainSettings
-from database.refine import RefineError, RefineReport, refine, with_point
+from database.refine import RefineReport, refine, with_point
 from database.stand_in import neighbour_moved
 
 UNEVEN = """[grid]
@@ -166,22 +166,31 @@ def test_a_point_is_added_to_the_text_and_to_nothing_else(small_mission: Mission
 
 
 @pytest.mark.parametrize(
-    "axis",
+    ("axis", "written"),
     [
-        '"vehicle.mass_kg" = [0, 5]',
-        "vehicle.mass_kg = [0, # [S]\n 5,\n]",
-        "'vehicle.mass_kg'=[0, 5.0]",
+        ('"vehicle.mass_kg" = [0, 5]', '"vehicle.mass_kg" = [0, 2.5, 5]'),
+        ("vehicle.mass_kg = [0, # [S]\n 5,\n]", "vehicle.mass_kg = [0, # [S]\n 2.5,\n 5,\n]"),
+        ("'vehicle.mass_kg'=[0, 5.0]", "'vehicle.mass_kg'=[0, 2.5, 5.0]"),
+        ("[grid.vehicle]\nmass_kg = [0, 5] # kg", "[grid.vehicle]\nmass_kg = [0, 2.5, 5] # kg"),
     ],
 )
-def test_an_axis_may_be_written_as_toml_allows(small_mission: Mission, axis: str) -> None:
-    text = small_mission.toml + axis + "\n[[no_fly_zone]]\n"
-    text += "longitude_deg = 0.0\nlatitude_deg = 0.0\nradius_km = 1.0\n"
-    mission = with_point(parse_mission(text), "vehicle.mass", 2.5)
+def test_an_axis_may_be_written_as_toml_allows(
+    small_mission: Mission, axis: str, written: str
+) -> None:
+    zone = "\n[[no_fly_zone]]\nlongitude_deg = 0.0\nlatitude_deg = 0.0\nradius_km = 1.0\n"
+    before = small_mission.toml + axis + zone
+    mission = with_point(parse_mission(before), "vehicle.mass", 2.5)
+    assert mission.toml == small_mission.toml + written + zone
     assert mission.grid.offsets["vehicle.mass_kg"] == (0.0, 2.5, 5.0)
     assert len(mission.no_fly_zone) == 1
 
 
-def test_an_axis_that_cannot_be_found_is_told(small_mission: Mission) -> None:
-    mission = parse_mission(small_mission.toml + "[grid.vehicle]\nmass_kg = [0.0, 5.0]\n")
-    with pytest.raises(RefineError, match=r"axis of vehicle\.mass as one line vehicle\.mass_kg"):
-        with_point(mission, "vehicle.mass", 2.5)
+def test_a_grid_may_be_one_line_or_lie_in_two_places(small_mission: Mission) -> None:
+    others, _, _ = small_mission.toml.partition("[grid]")
+    inline = "grid = {speed_m_per_s = [-70.0, 0.0], vehicle.mass_kg = [0.0, 5.0]}\n"
+    mission = with_point(parse_mission(inline + others), "vehicle.mass", 2.5)
+    assert mission.toml == inline.replace("[0.0, 5.0]", "[0.0, 2.5, 5.0]") + others
+    apart = small_mission.toml.replace("[planet]", "[grid.vehicle]\nmass_kg = [0.0, 5.0]\n[planet]")
+    mission = with_point(parse_mission(apart), "speed", 35.0)
+    assert mission.grid.offsets["speed_m_per_s"] == (-70.0, 0.0, 35.0, 70.0)
+    assert mission.grid.offsets["vehicle.mass_kg"] == (0.0, 5.0)

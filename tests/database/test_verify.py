@@ -116,7 +116,11 @@ def forged(source: Path, target: Path) -> Path:
         ("states", np.inf, "states: 1 cases are not finite though solved"),
         ("status", int(Status.STALLED), "states: 1 cases are not finite though solved, or finite"),
         ("axis_speed", 1e9, "axis_speed: expected [4642.26 4712.26 4782.26] of the mission's grid"),
-        ("axis_speed", 4700.0, "axis_speed: expected [4642.26 4712.26 4782.26] of the mission's grid"),
+        (
+            "axis_speed",
+            4700.0,
+            "axis_speed: expected [4642.26 4712.26 4782.26] of the mission's grid",
+        ),
         ("ld_to_hd", np.nan, "ld_to_hd: expected finite values"),
     ],
 )
