@@ -110,7 +110,9 @@ def solve(
         if np.isfinite(optimum.final_time):
             _write_trajectory(loaded, optimum, table, plot)
     if as_json:
-        _print_json({**summary, "verdict": verdict(loaded, optimum)})
+        log = [asdict(row) for row in optimum.statistics.log]
+        rounds = [asdict(row) for row in optimum.statistics.rounds]
+        _print_json({**summary, "verdict": verdict(loaded, optimum), "log": log, "rounds": rounds})
     else:
         out.print(_convergence_table(optimum))
         out.print(verdict(loaded, optimum))
@@ -367,8 +369,11 @@ def audit(
         )
     if report.probes:
         out.print(_interpolation_table(report))
-    elif probes:
-        out.print("no probes: a table with cases that have no solution cannot be interpolated")
+    if report.hidden_probes:
+        out.print(
+            f"{report.hidden_probes} of {report.probes} probes lie in cells with a case that has no "
+            "solution: nothing is interpolated there"
+        )
     if report.unsolved_probes:
         out.print(f"{report.unsolved_probes} of {report.probes} probes could not be solved")
     _print_coherence(report)
@@ -415,9 +420,15 @@ def _print_error_map(report: Any) -> None:
     for cell in report.error_map:
         mark = ", probed" if cell.source == "probes" else ""
         mark += " ← pays most" if cell is best else ""
-        errors = "".join(f" {error:8.3g}" for error in cell.errors.values())
+        errors = "".join(f" {_known(error):>8}" for error in cell.errors.values())
+        gain = f"{100 * cell.gain:.1f} %" if np.isfinite(cell.gain) else _known(cell.gain)
         name = f"{cell.key} {cell.low:g} … {cell.high:g}"
-        out.print(f"  {name:34}{errors} {100 * cell.gain:6.1f} %{cell.new_cases:8}{mark}")
+        out.print(f"  {name:34}{errors} {gain:>8}{cell.new_cases:8}{mark}")
+
+
+def _known(value: float) -> str:
+    """Three digits, or a dash where failed cases hide a number."""
+    return f"{value:.3g}" if np.isfinite(value) else "–"
 
 
 def _draw_audit(report: Any, folder: Path) -> None:
@@ -476,8 +487,9 @@ def refine(
 
 
 def _interpolation_table(report: Any) -> Table:
+    measured = report.probes - report.hidden_probes - report.unsolved_probes
     table = Table(
-        f"interpolation, 90 % of {report.probes} points",
+        f"interpolation, 90 % of {measured} points",
         "altitude (m)",
         "speed (m/s)",
         "bank (deg)",
@@ -485,7 +497,7 @@ def _interpolation_table(report: Any) -> Table:
         "open-loop miss (km)",
     )
     for mode, columns in report.interpolation.items():
-        table.add_row(mode, *(f"{q.percentile_90:.3g}" for q in columns.values()))
+        table.add_row(mode, *(_known(q.percentile_90) for q in columns.values()))
     return table
 
 
@@ -588,7 +600,7 @@ def fly(
     from ampi.simulation.dispersions import Dispersions, Distribution
     from ampi.simulation.monte_carlo import fly as fly_campaign
     from ampi.simulation.monte_carlo import save_campaigns
-    from ampi.simulation.statistics import judge
+    from ampi.simulation.statistics import judge, ratio_to_nominal
 
     with _told():
         mission = read_dataset(path).mission
@@ -610,7 +622,11 @@ def fly(
         if output is not None:
             save_campaigns(output, campaigns)
     if as_json:
-        _print_json({name: judge(flights).as_dict() for name, flights in campaigns.items()})
+        verdicts = {name: judge(flights).as_dict() for name, flights in campaigns.items()}
+        for name, flights in campaigns.items():
+            ratio = ratio_to_nominal(flights, campaigns)
+            verdicts[name]["footprint_ratio"] = None if ratio is None else asdict(ratio)
+        _print_json(verdicts)
     else:
         sys.stdout.write(verdict_text(mission, campaigns) + "\n")
 

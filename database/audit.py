@@ -15,7 +15,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -43,6 +43,7 @@ CHUNK = 81
 PERCENTILE = 90.0
 COLUMNS = ("altitude_m", "speed_m_per_s", "bank_deg", "final_time_s", "open_loop_miss_km")
 MODES = (Mode.MPI, Mode.AMPI, Mode.QUADRATIC)
+POINTS = {Mode.AMPI: 2, Mode.QUADRATIC: 3}  # of an axis; MPI takes its ends
 
 
 @dataclass(frozen=True)
@@ -55,7 +56,8 @@ class Quantity:
 
     @classmethod
     def of(cls, values: Array) -> Quantity:
-        """From one error per case."""
+        """From one error per case; NaN is an error that nobody knows."""
+        values = values[np.isfinite(values)]
         if len(values) == 0:
             return cls(np.nan, np.nan, np.nan)
         return cls(
@@ -88,6 +90,7 @@ class AuditReport:
     limits: dict[str, float]  # greatest value over its limit, between the nodes
     probes: int
     unsolved_probes: int
+    hidden_probes: int  # whose cell has a case without a solution: AMPI has no reference there
     interpolation: dict[str, dict[str, Quantity]]  # mode → column → error
     coherence: Coherence
     error_map: tuple[CellError, ...]
@@ -123,8 +126,7 @@ def audit(
     dataset
         From `read_dataset`.
     probes
-        Random points of the hypercube, uniform, at which the problem is solved (0 for none); none
-        are where a case has no solution.
+        Random points of the hypercube, uniform, at which the problem is solved (0 for none).
     seed
         Of the random points.
     n_jobs
@@ -132,12 +134,10 @@ def audit(
     """
     if probes < 0:
         raise ValueError(f"probes: expected a non-negative number, got {probes}")
-    if not dataset.solved.all():
-        probes = 0  # a table with holes cannot be interpolated
     notify = advance or (lambda count: None)
     flown = _fly_again(dataset, notify)
     peak = flown.limits_used.max(axis=0, initial=0.0)
-    errors, unsolved = _probe(dataset, probes, seed, n_jobs, notify)
+    probed = _probe(dataset, probes, seed, n_jobs, notify)
     return AuditReport(
         cases=int(dataset.status.size),
         statuses={
@@ -148,9 +148,12 @@ def audit(
         speed_error=Quantity.of(flown.speed_error_m_per_s),
         limits={n: float(v) for n, v in zip(PATH_CONSTRAINTS, peak, strict=True)},
         probes=probes,
-        unsolved_probes=unsolved,
+        unsolved_probes=probed.unsolved,
+        hidden_probes=probed.hidden,
         interpolation={
-            mode.value: {c: Quantity.of(errors[mode.value][:, i]) for i, c in enumerate(COLUMNS)}
+            mode.value: {
+                c: Quantity.of(probed.errors[mode.value][:, i]) for i, c in enumerate(COLUMNS)
+            }
             for mode in MODES
         },
         coherence=coherence(dataset),
@@ -180,47 +183,83 @@ def _fly_again(dataset: TrajectoryDataset, notify: Callable[[int], None]) -> Per
     return PerCase(good, position, altitude, speed, peak)
 
 
+@dataclass(frozen=True, eq=False)
+class _Probed:
+    errors: dict[str, Array]  # mode → (points, columns), NaN where a hole is all that it has
+    unsolved: int
+    hidden: int
+
+
 def _probe(
     dataset: TrajectoryDataset,
     probes: int,
     seed: int,
     n_jobs: int,
     notify: Callable[[int], None],
-) -> tuple[dict[str, Array], int]:
+) -> _Probed:
     rng = np.random.default_rng(np.random.SeedSequence(seed))
     low = np.array([axis[0] for axis in dataset.axes])
     high = np.array([axis[-1] for axis in dataset.axes])
     points = rng.uniform(low, high, size=(probes, len(low)))
-    errors: dict[str, list[Array]] = {mode.value: [] for mode in MODES}
-    unsolved = 0
-    if probes:
-        table = guidance_table(dataset)
+    table, solved = guidance_table(_holes_filled(dataset)), dataset.solved
+    ampi = ReferenceGenerator(table, Mode.AMPI)
+    whole = [p for p in points if _is_whole(solved, Mode.AMPI, ampi.reference(p).cell)]
+    notify(len(points) - len(whole))
+    found: list[dict[str, Array]] = []
+    if whole:
         with Parallel(n_jobs=n_jobs, return_as="generator") as pool:
-            tasks = (delayed(_probe_point)(dataset.mission, table, point) for point in points)
+            tasks = (delayed(_probe_point)(dataset.mission, table, solved, p) for p in whole)
             for result in pool(tasks):
                 notify(1)
-                if result is None:
-                    unsolved += 1
-                    continue
-                for name, row in result.items():
-                    errors[name].append(row)
-    return {k: np.array(v).reshape(-1, len(COLUMNS)) for k, v in errors.items()}, unsolved
+                if result is not None:
+                    found.append(result)
+    errors = {
+        mode.value: np.array([row[mode.value] for row in found]).reshape(-1, len(COLUMNS))
+        for mode in MODES
+    }
+    return _Probed(errors, len(whole) - len(found), len(points) - len(whole))
 
 
-def _probe_point(mission: Mission, table: GuidanceTable, point: Array) -> dict[str, Array] | None:
+def _holes_filled(dataset: TrajectoryDataset) -> TrajectoryDataset:
+    """With the nominal case where there is none: a table that can be looked into, not flown."""
+    centre = Grid.from_mission(dataset.mission).centre
+    arrays = {}
+    for name in ("states", "bank_rate", "gains", "final_time"):
+        values = getattr(dataset, name).copy()
+        values[~dataset.solved] = values[centre]
+        arrays[name] = values
+    return replace(dataset, **arrays, status=np.full_like(dataset.status, int(Status.SOLVED)))
+
+
+def _is_whole(solved: NDArray[np.bool_], mode: Mode, cell: tuple[int, ...]) -> bool:
+    """Whether all cases that a mode uses from this first grid index on have a solution."""
+    if mode is Mode.MPI:
+        used = [slice(None, None, max(1, n - 1)) for n in solved.shape]
+    else:
+        used = [slice(first, first + POINTS[mode]) for first in cell]
+    return bool(solved[tuple(used)].all())
+
+
+def _probe_point(
+    mission: Mission, table: GuidanceTable, solved: NDArray[np.bool_], point: Array
+) -> dict[str, Array] | None:
     """Errors of every mode at one point; None if the problem there could not be solved."""
     here = mission.with_parameters(point)
-    nodal = {mode: nodal_reference(table, mode, point) for mode in MODES}
-    states, rate, final_time = nodal[Mode.AMPI]
-    mesh = mission.pseudospectral_mesh
-    guess = Trajectory(mesh, states, rate, final_time, np.nan, Status.SOLVED)
+    states, rate, final_time = nodal_reference(table, Mode.AMPI, point)
+    guess = Trajectory(mission.pseudospectral_mesh, states, rate, final_time, np.nan, Status.SOLVED)
     truth = solve(here, guess=guess)
     if not truth.status.ok:
         return None
-    return {
-        mode.value: _errors(here, truth, states, final_time)
-        for mode, (states, _, final_time) in nodal.items()
-    }
+    errors = {}
+    for mode in MODES:
+        generator = ReferenceGenerator(table, mode)
+        made = generator.reference(point)
+        errors[mode.value] = (
+            _errors(here, truth, generator.nodal_values[STATE_ROWS], made.final_time)
+            if _is_whole(solved, mode, made.cell)
+            else np.full(len(COLUMNS), np.nan)
+        )
+    return errors
 
 
 def nodal_reference(table: GuidanceTable, mode: Mode, point: Array) -> tuple[Array, Array, float]:

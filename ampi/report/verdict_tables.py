@@ -19,14 +19,13 @@ from ampi.report.quantities import KILO
 from ampi.simulation.closed_loop import FlightStatus
 from ampi.simulation.monte_carlo import Flights
 from ampi.simulation.statistics import (
-    FEWEST_FOR_RATIO,
     INNER_RADII,
     TABLE_5_RADII,
     Fraction,
     Spread,
     Verdict,
-    footprint_ratio,
     judge,
+    ratio_to_nominal,
 )
 
 NOTHING = "–"
@@ -176,9 +175,8 @@ def _spreads(verdicts: Mapping[str, Verdict], paper: tuple[Printed, ...]) -> tup
 def _footprints(
     campaigns: Mapping[str, Flights], verdicts: Mapping[str, Verdict], paper: tuple[Printed, ...]
 ) -> Group:
-    baseline = next((f for f in campaigns.values() if f.mode is Mode.NOMINAL), None)
     cells = {
-        name: (Cell(number(verdicts[name].footprint_area * KILO**2)), _ratio(flights, baseline))
+        name: (Cell(number(verdicts[name].footprint_area * KILO**2)), _ratio(flights, campaigns))
         for name, flights in campaigns.items()
     }
     for p in paper:
@@ -186,14 +184,9 @@ def _footprints(
     return Group("Footprint", ("area (km²)", "of nominal's area"), cells)
 
 
-def _ratio(flights: Flights, baseline: Flights | None) -> Cell:
-    """Area over nominal's with its interval, where both were flown on the same draws."""
-    if baseline is None or flights is baseline:
-        return Cell(NOTHING)
-    same = np.array_equal(flights.parameters, baseline.parameters)
-    if not same or np.count_nonzero(flights.reached & baseline.reached) < FEWEST_FOR_RATIO:
-        return Cell(NOTHING)
-    return Cell(str(footprint_ratio(flights, baseline)))
+def _ratio(flights: Flights, campaigns: Mapping[str, Flights]) -> Cell:
+    ratio = ratio_to_nominal(flights, campaigns)
+    return Cell(NOTHING) if ratio is None else Cell(str(ratio))
 
 
 def _health(campaigns: Mapping[str, Flights], verdicts: Mapping[str, Verdict]) -> tuple[Group, ...]:

@@ -7,6 +7,7 @@ the same draws carries a paired bootstrap interval.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
@@ -15,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import binomtest, chi2
 
+from ampi.onboard.reference import Mode
 from ampi.simulation.monte_carlo import Flights
 
 Array = NDArray[np.float64]
@@ -165,3 +167,17 @@ def footprint_ratio(flights: Flights, baseline: Flights) -> AreaRatio:
         samples[i] = ellipse_area(*points[0][:, pick]) / ellipse_area(*points[1][:, pick])
     low, high = np.percentile(samples, [2.5, 97.5])
     return AreaRatio(ellipse_area(*points[0]) / ellipse_area(*points[1]), float(low), float(high))
+
+
+def ratio_to_nominal(flights: Flights, campaigns: Mapping[str, Flights]) -> AreaRatio | None:
+    """Footprint over that of nominal tracking among `campaigns`.
+
+    None where nominal tracking was not flown, not on the same draws, or too few flights reached both.
+    """
+    baseline = next((f for f in campaigns.values() if f.mode is Mode.NOMINAL), None)
+    if baseline is None or flights is baseline:
+        return None
+    same = np.array_equal(flights.parameters, baseline.parameters)
+    if not same or np.count_nonzero(flights.reached & baseline.reached) < FEWEST_FOR_RATIO:
+        return None
+    return footprint_ratio(flights, baseline)

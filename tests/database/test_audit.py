@@ -8,9 +8,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import ampi
 from ampi.dataset import read_dataset
-from ampi.trajectory import Status
-from database.audit import audit
+from ampi.loading import guidance_table
+from ampi.onboard.reference import Mode
+from ampi.trajectory import Status, Trajectory
+from database.audit import audit, nodal_reference
 from database.error_map import best_cell
 
 
@@ -58,10 +61,42 @@ def test_failed_cases_leave_unknown_what_they_hide_and_nothing_else(small_databa
     report = audit(
         dataclasses.replace(dataset, states=states, status=status, final_time=final_time), probes=3
     )
-    assert (report.probes, report.statuses) == (0, {"SOLVED": 6, "ERROR": 3})
+    assert report.statuses == {"SOLVED": 6, "ERROR": 3}
     assert report.position_error.worst < 10.0
     known = {cell.parameter: np.isfinite(cell.gain) for cell in report.error_map}
     assert known == {"speed": False, "flight_path_angle": True}
     assert best_cell(report.error_map).parameter == "flight_path_angle"
     with pytest.raises(ValueError, match="no cell of these axes has a known error"):
         best_cell(report.error_map, "speed")
+
+
+def test_probes_see_every_cell_that_has_all_its_cases(small_database: Path) -> None:
+    """One corner failed: three cells of four are probed as if nothing had happened."""
+    dataset = read_dataset(small_database)
+    status = dataset.status.copy()
+    arrays = {n: getattr(dataset, n).copy() for n in ("states", "bank_rate", "gains", "final_time")}
+    status[0, 0] = int(Status.ERROR)
+    for values in arrays.values():
+        values[0, 0] = np.nan
+    probes, seed = 8, 2016
+    report = audit(
+        dataclasses.replace(dataset, status=status, **arrays), probes=probes, seed=seed, n_jobs=1
+    )
+    low, high = (np.array([axis[end] for axis in dataset.axes]) for end in (0, -1))
+    points = np.random.default_rng(seed).uniform(low, high, size=(probes, 2))
+    hidden = np.all(points < dataset.mission.nominal_parameters, axis=1)
+    assert 0 < hidden.sum() < probes
+    assert (report.probes, report.hidden_probes) == (probes, hidden.sum())
+    table = guidance_table(dataset)
+    expected = []
+    for point in points[~hidden]:
+        states, rate, final_time = nodal_reference(table, Mode.AMPI, point)
+        mesh = dataset.mission.pseudospectral_mesh
+        guess = Trajectory(mesh, states, rate, final_time, np.nan, Status.SOLVED)
+        truth = ampi.solve(dataset.mission.with_parameters(point), guess=guess)
+        expected.append(np.abs(states - truth.states)[0].max())
+    found = report.interpolation["ampi"]["altitude_m"]
+    assert found.worst == pytest.approx(max(expected), rel=1e-3)
+    assert found.median == pytest.approx(np.median(expected), rel=1e-3)
+    for mode in ("mpi", "quadratic"):  # three points an axis: every reference has the corner in it
+        assert np.isnan(report.interpolation[mode]["altitude_m"].worst)

@@ -10,12 +10,15 @@ import signal
 import subprocess
 import sys
 import time
+from dataclasses import asdict
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from ampi.missions.mission import load_mission
+from ampi.simulation.monte_carlo import load_campaigns
+from ampi.simulation.statistics import AreaRatio, footprint_ratio
 
 SMALL_GRID = """[grid]
 speed_m_per_s = [-70.0, 0.0, 70.0]
@@ -64,6 +67,8 @@ def test_solve_prints_csv_plot_and_json(tmp_path: Path) -> None:
     summary = json.loads(done.stdout)
     assert summary["status"] == "SOLVED"
     assert summary["iterations"] <= 25
+    assert [row["iteration"] for row in summary["log"]] == list(range(1, summary["iterations"] + 1))
+    assert summary["log"][-1]["cost"] == pytest.approx(summary["cost"])
     assert summary["reintegrated_position_error_m"] < 10.0
     rows = (tmp_path / "optimum.csv").read_text().splitlines()
     assert rows[0].startswith("time_s,altitude_m,longitude_deg")
@@ -76,6 +81,17 @@ def test_audit_in_words_and_in_json(folder: Path) -> None:
     numbers = json.loads(run("audit", "small.h5", "--probes", "2", "--json", cwd=folder).stdout)
     assert numbers["position_error"]["worst"] < 10.0
     assert set(numbers["interpolation"]) == {"mpi", "ampi", "quadratic"}
+
+
+def test_fly_gives_the_footprint_ratio_in_json_too(folder: Path) -> None:
+    options = ("-n", "60", "--modes", "nominal,ampi")
+    written = run("fly", "small.h5", *options, "--output", "two.npz", cwd=folder).stdout
+    numbers = json.loads(run("fly", "small.h5", *options, "--json", cwd=folder).stdout)
+    assert numbers["nominal"]["footprint_ratio"] is None
+    ratio = numbers["ampi"]["footprint_ratio"]
+    flown = load_campaigns(folder / "two.npz")
+    assert ratio == pytest.approx(asdict(footprint_ratio(flown["ampi"], flown["nominal"])))
+    assert str(AreaRatio(**ratio)) in written
 
 
 def test_guide_writes_the_reference_of_an_entry(folder: Path) -> None:
@@ -109,6 +125,7 @@ def test_fly_and_report(folder: Path) -> None:
         run("fly", "small.h5", "-n", "20", "--modes", "ampi", "--json", cwd=folder).stdout
     )
     assert numbers["ampi"]["n"] == 20
+    assert numbers["ampi"]["footprint_ratio"] is None  # nothing to compare with
     run("report", "small.h5", "flights.npz", "--output", "report.html", cwd=folder)
     page = (folder / "report.html").read_text(encoding="utf-8")
     assert "surrogate" in page
