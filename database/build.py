@@ -32,11 +32,10 @@ from ampi.scp.capabilities import check
 from ampi.scp.solve import solve
 from ampi.trajectory import Status, Trajectory
 from database.blocks import Block, blocks
-from database.campaign import TIME_LIMIT, Campaign, Solver
+from database.campaign import TIME_LIMIT, Campaign, JobError, Solver, lost
 from database.engines import ClusterEngine, Engine, LocalEngine
 from database.gains import GainSettings
 from database.hdf5_file import decoded_block
-from database.jobs import JobError
 from database.lock import LockedError, exclusive
 from database.plan import case_name, planned_jobs
 from database.provenance import made_by, provenance
@@ -170,10 +169,8 @@ def build(
         no_parts(folder),
         _engine(n_jobs, client) as engine,
     ):
-        if not resume:
-            discard_records(folder)
         made = made_by(campaign)  # while the workers import what they need
-        _claim(folder, campaign, made, known or {})
+        _claim(campaign, _fingerprint(campaign, made, known or {}), resume=resume)
         _keep_known(campaign, known or {})
         attributes = provenance(campaign, made)
         return _Build(campaign, path, attributes, engine, advance or (lambda count: None)).run()
@@ -272,10 +269,7 @@ class _Build:
         """Without a nominal optimum there is nothing to continue from, and nothing to fly."""
         record, folder = self.record(case), self.campaign.folder
         if record is None:
-            raise BuildError(
-                f"{record_path(folder, case)} has disappeared or changed during the build; "
-                "run the same build again"
-            )
+            raise BuildError(f"{lost(folder, case)}; run the same build again")
         if record.trajectory.status is Status.ERROR:  # no verdict: it raised, hung or was killed
             record_path(folder, case).unlink()
             raise BuildError(
@@ -369,20 +363,32 @@ def _refuse_other_database(path: Path, mission: Mission) -> None:
         )
 
 
-def _claim(
-    folder: Path,
-    campaign: Campaign,
-    made: Mapping[str, object],
-    known: Mapping[int, KnownCase],
-) -> None:
-    """Mark the folder of records as this build's, or refuse it if it is another's."""
-    fingerprint = {
+def _fingerprint(
+    campaign: Campaign, made: Mapping[str, object], known: Mapping[int, KnownCase]
+) -> dict[str, str]:
+    """All that the records of a build depend on."""
+    return {
         "mission": campaign.mission.name,
         "mission_sha256": hashlib.sha256(campaign.toml.encode()).hexdigest(),
         **{key: str(value) for key, value in made.items()},
         "known_sha256": _digest(known),
     }
-    found = read_fingerprint(folder)
+
+
+def _claim(campaign: Campaign, fingerprint: dict[str, str], *, resume: bool) -> None:
+    """Mark the folder of records as this build's; refuse another's, or empty it."""
+    folder = campaign.folder
+    found = read_fingerprint(folder) if resume else None
+    if resume:
+        _refuse_other_build(folder, found, fingerprint)
+    if found is None:
+        discard_records(folder)
+    write_fingerprint(folder, fingerprint, campaign.toml)
+
+
+def _refuse_other_build(
+    folder: Path, found: dict[str, str] | None, fingerprint: dict[str, str]
+) -> None:
     count = count_records(folder)
     if found is None and count:
         raise BuildError(
@@ -401,9 +407,6 @@ def _claim(
             "finish that build as it was begun, choose another path, or delete the folder to start "
             "afresh"
         )
-    if found is None:
-        discard_records(folder)  # blocks without cases
-    write_fingerprint(folder, fingerprint, campaign.toml)
 
 
 def _digest(known: Mapping[int, KnownCase]) -> str:

@@ -14,10 +14,14 @@ from ampi.scp.solve import solve
 from ampi.trajectory import Trajectory
 from database.gains import GainSettings
 from database.grid import Grid
-from database.records import load_record
+from database.records import load_record, record_path
 
 MOST_MODELS = 16  # as many as a process keeps traced (scp.family_condensing)
 TIME_LIMIT = 60.0  # s for one solve: some 300 times what a hard one takes
+
+
+class JobError(RuntimeError):
+    """A job that could not keep a result: the build cannot go on."""
 
 
 class Solver(Protocol):
@@ -92,11 +96,19 @@ class Campaign:
         return _mission_and_grid(self.toml)[1]
 
     def solved(self, case: int) -> Trajectory | None:
-        """The solution of a case that is kept, read once per process; None if there is none."""
-        try:
-            return _kept_trajectory(self.folder, case, self.build, self.toml)
-        except LookupError:
-            return None
+        """The solution of a case that is kept, read once per process; None if it has none.
+
+        Raises
+        ------
+        JobError
+            If the case is not kept: what is solved without it would not be what a build solves.
+        """
+        return _kept_trajectory(self.folder, case, self.build, self.toml)
+
+
+def lost(folder: Path, case: int) -> str:
+    """What there is to say of a record that was there."""
+    return f"{record_path(folder, case)} has disappeared or changed during the build"
 
 
 @lru_cache(maxsize=4)
@@ -120,8 +132,8 @@ def _flight_models(toml: str) -> int:
 
 @lru_cache(maxsize=20000)  # 6 kB each
 def _kept_trajectory(folder: Path, case: int, build: str, toml: str) -> Trajectory | None:
-    """LookupError, which is not remembered, if there is no record yet."""
+    """`Campaign.solved`; an error is not remembered."""
     record = load_record(folder, case, _mission_and_grid(toml)[0])
     if record is None:
-        raise LookupError(case)
+        raise JobError(lost(folder, case))
     return record.trajectory if record.trajectory.status.ok else None

@@ -13,7 +13,8 @@ from concurrent.futures import ThreadPoolExecutor
 from functools import lru_cache
 from typing import Any, Protocol
 
-from database.jobs import Job, JobError
+from database.campaign import JobError
+from database.jobs import Job
 from database.provenance import software
 from database.supervisor import Supervisor
 

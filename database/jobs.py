@@ -35,7 +35,7 @@ from database.attempts import (
     stopped_after,
 )
 from database.blocks import Block, assemble, block_shape
-from database.campaign import Campaign
+from database.campaign import Campaign, JobError, lost
 from database.continuation import PlannedCase
 from database.hdf5_file import encoded_block
 from database.prediction import predicted
@@ -48,10 +48,6 @@ from database.records import (
     load_record,
     record_path,
 )
-
-
-class JobError(RuntimeError):
-    """A job that could not keep a result: the build cannot go on."""
 
 
 class Job(ABC):
@@ -232,9 +228,7 @@ class AssembleBlock(Job):
         for case in self.block.cases(self.campaign.grid.shape):
             record = load_record(folder, case, mission)
             if record is None:
-                raise JobError(
-                    f"{record_path(folder, case)} has disappeared or changed during the build"
-                )
+                raise JobError(lost(folder, case))
             records.append(record)
         with stopped_after(self.campaign.time_limit * len(records)):
             values = assemble(mission, self.block, records, self.campaign.gains)

@@ -11,8 +11,9 @@ import queue
 from collections import defaultdict
 from collections.abc import Callable, Collection, Mapping
 
+from database.campaign import JobError
 from database.engines import Engine
-from database.jobs import Job, JobError
+from database.jobs import Job
 
 
 def run_jobs(

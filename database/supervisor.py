@@ -31,7 +31,8 @@ from functools import partial
 from itertools import count
 from pathlib import Path
 
-from database.jobs import Job, JobError
+from database.campaign import JobError
+from database.jobs import Job
 from database.worker import START, Began, Computed, Kept, Message, Raised, Ready
 
 DEATHS = 3

@@ -26,7 +26,8 @@ from dataclasses import dataclass
 from functools import partial
 from typing import IO
 
-from database.jobs import Job, JobError
+from database.campaign import JobError
+from database.jobs import Job
 
 
 @dataclass(frozen=True)

@@ -47,6 +47,23 @@ def hangs_in_native_code(mission: Mission, *, guess: Trajectory | None = None) -
     return moved(mission, guess)
 
 
+def dawdles(mission: Mission, *, guess: Trajectory | None = None) -> Trajectory:
+    """Where `hangs_in_native_code` would never end; it is over when no alarm comes."""
+    if _fast(mission) and _one_step(mission, guess):
+        time.sleep(10.0)
+    return moved(mission, guess)
+
+
+def gated(mission: Mission, *, guess: Trajectory | None = None) -> Trajectory:
+    """At greater speeds and of the lighter vehicle alone: waits until somebody says go."""
+    gate = Path(os.environ["AMPI_TEST_GATE"])
+    if _fast(mission) and mission.vehicle.mass < load_mission("shefex3").vehicle.mass:
+        (gate / "waiting").touch()
+        while not (gate / "go").exists():
+            time.sleep(0.01)
+    return neighbour_moved(mission, guess=guess)
+
+
 def always_hangs(mission: Mission, *, guess: Trajectory | None = None) -> Trajectory:
     if _fast(mission):
         time.sleep(3600.0)
@@ -66,7 +83,8 @@ class Marking(Job):
     folder: Path
     name: str
     flush_waits_for: str = ""
-    dies_once: bool = False  # while it computes
+    deaths: int = 0  # at its first turns, while it computes
+    announces: bool = False  # an attempt, before it dies
     dies_flushing: bool = False  # always
 
     @property
@@ -80,7 +98,9 @@ class Marking(Job):
     def compute(self, announce: Callable[[int], None]) -> Future[None]:
         turns = len(list(self.folder.glob(f"{self.name} *")))
         (self.folder / f"{self.name} {turns} by {os.getpid()}").touch()
-        if self.dies_once and turns == 0:
+        if self.announces:
+            announce(0)
+        if turns < self.deaths:
             os.kill(os.getpid(), signal.SIGKILL)
         return ThreadPoolExecutor(1).submit(self._flush)
 

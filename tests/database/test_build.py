@@ -14,11 +14,12 @@ from ampi.loading import load_guidance
 from ampi.missions.mission import Mission, parse_mission
 from ampi.trajectory import Status, Trajectory
 from database.build import BuildError
-from database.campaign import Campaign
+from database.campaign import Campaign, JobError
 from database.continuation import layers
 from database.grid import Grid
 from database.jobs import SolveCase
 from database.records import load_record
+from database.stand_in import neighbour_moved
 
 
 def test_file_is_the_same_for_any_number_of_workers(
@@ -127,6 +128,21 @@ def test_a_case_leaves_its_record_and_nothing_else(small_mission: Mission, tmp_p
     planned = layers(Grid.from_mission(small_mission))[0][0]
     SolveCase(Campaign(small_mission.toml, tmp_path), planned).run(lambda attempt: None)
     assert [f.name for f in tmp_path.iterdir()] == [f"case_{planned.case:06d}.rec"]
+
+
+def test_no_case_is_solved_without_a_neighbour_that_was_lost(
+    small_mission: Mission, tmp_path: Path
+) -> None:
+    """From the others it would come to other bits than in an undisturbed build."""
+    plan = layers(Grid.from_mission(small_mission))
+    campaign = Campaign(small_mission.toml, tmp_path, neighbour_moved)
+    for planned in (plan[0][0], plan[1][0]):
+        SolveCase(campaign, planned).run(lambda attempt: None)
+    corner = plan[2][0]
+    there, lost = corner.neighbours
+    assert load_record(tmp_path, there, small_mission) is not None
+    with pytest.raises(JobError, match=rf"case_{lost:06d}\.rec has disappeared or changed"):
+        SolveCase(campaign, corner).run(lambda attempt: None)
 
 
 def test_an_existing_file_survives_a_failed_rebuild(

@@ -6,7 +6,8 @@ import os
 import signal
 import subprocess
 import sys
-from collections.abc import Iterator
+import time
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +15,7 @@ import pytest
 
 import database
 from ampi.dataset import partial_folder
-from ampi.missions.mission import Mission
+from ampi.missions.mission import Mission, parse_mission
 from ampi.trajectory import Status
 from database.build import BuildError
 from database.campaign import Campaign
@@ -23,20 +24,29 @@ from database.engines import ClusterEngine
 from database.grid import Grid
 from database.jobs import SolveCase
 from database.provenance import software
-from database.records import load_record
+from database.records import load_record, record_path
 
 distributed = pytest.importorskip("distributed")
 
 
 @pytest.fixture(scope="module")
-def client() -> Iterator[Any]:
-    with (
-        distributed.LocalCluster(
-            n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None
-        ) as cluster,
-        distributed.Client(cluster) as connected,
-    ):
-        yield connected
+def gate(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """What `misbehaving.gated` waits for stands there."""
+    return tmp_path_factory.mktemp("gate")
+
+
+@pytest.fixture(scope="module")
+def client(gate: Path) -> Iterator[Any]:
+    with pytest.MonkeyPatch.context() as patched:
+        patched.setenv("AMPI_TEST_GATE", str(gate))
+        patched.syspath_prepend(Path(__file__).parent)
+        with (
+            distributed.LocalCluster(
+                n_workers=2, threads_per_worker=2, processes=True, dashboard_address=None
+            ) as cluster,
+            distributed.Client(cluster) as connected,
+        ):
+            yield connected
 
 
 def test_a_worker_killed_midway_leaves_no_trace(
@@ -104,6 +114,63 @@ def test_a_case_that_costs_every_worker_is_a_record(
     assert record.message == "The cluster lost every worker that tried it."
     other = ValueError("boom")
     assert engine.outcome(job, other) is other
+
+
+def test_a_job_of_a_build_given_up_cannot_mix_its_result_into_the_next(
+    small_mission: Mission, tmp_path: Path, client: Any, gate: Path
+) -> None:
+    """A cluster goes on with what it has begun, and both builds keep their records in one folder."""
+    from misbehaving import gated
+
+    path, undisturbed = tmp_path / "a.h5", tmp_path / "undisturbed.h5"
+    options: dict[str, Any] = {"client": client, "solver": gated}
+    database.build(small_mission, undisturbed, **options)
+    lighter = parse_mission(small_mission.toml.replace("mass_kg = 500.0", "mass_kg = 490.0"))
+    record = record_path(partial_folder(path), 7)  # the first of the greatest speed
+
+    def give_up(count: int) -> None:
+        if count:
+            await_that((gate / "waiting").exists)
+            raise ZeroDivisionError
+
+    def let_the_other_go_on(count: int) -> None:
+        if record.exists() and not (gate / "go").exists():
+            ours = written(record)
+            (gate / "go").touch()
+            await_that(lambda: written(record) != ours)
+
+    with pytest.raises(ZeroDivisionError):
+        database.build(lighter, path, advance=at(2, give_up), **options)
+    try:
+        database.build(small_mission, path, resume=False, advance=let_the_other_go_on, **options)
+    except BuildError as error:  # unless the scheduler has had the same case solved twice
+        assert "case_000007.rec has disappeared or changed during the build" in str(error)
+        database.build(small_mission, path, **options)
+    assert path.read_bytes() == undisturbed.read_bytes()
+
+
+def at(place: int, then: Callable[[int], None]) -> Callable[[int], None]:
+    """Calls `then` once so many cases are finished."""
+    done = 0
+
+    def advance(count: int) -> None:
+        nonlocal done
+        done += count
+        if done >= place:
+            then(count)
+
+    return advance
+
+
+def await_that(condition: Callable[[], bool]) -> None:
+    while not condition():
+        time.sleep(0.01)
+
+
+def written(file: Path) -> tuple[int, int]:
+    """Another pair for every time a file is put in place."""
+    found = file.stat()
+    return found.st_ino, found.st_mtime_ns
 
 
 def test_no_scheduler_at_the_address_is_one_sentence(tmp_path: Path) -> None:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import dataclasses
+import shutil
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -13,13 +15,15 @@ from numpy.typing import NDArray
 
 import ampi
 import database
-from ampi.dataset import TrajectoryDataset, partial_folder, read_dataset
+from ampi.dataset import DIGEST, TrajectoryDataset, partial_folder, read_dataset
 from ampi.loading import load_guidance
 from ampi.missions.mission import Mission, parse_mission
 from database.build import BuildError, KnownCase
 from database.coherence import THRESHOLD, case_roughness, chord_misses, coherence, family_rows
+from database.gains import GainSettings
 from database.grid import Grid
 from database.repair import repair
+from database.stand_in import neighbour_moved
 
 Array = NDArray[np.float64]
 
@@ -135,8 +139,44 @@ def planted(
     assert np.sign(other.states[6, 0]) != np.sign(dataset.states[0, 2, 6, 0])
     known[2] = KnownCase(other, "planted")
     path = tmp_path_factory.mktemp("planted") / "planted.h5"
-    assert database.build(small_mission, path, n_jobs=1, known=known).resumed == 9
+    report = database.build(
+        small_mission,
+        path,
+        n_jobs=1,
+        known=known,
+        time_limit=30.0,
+        gains=GainSettings(horizontal_miss=1500.0),
+    )
+    assert report.resumed == 9
     return path
+
+
+def test_a_repair_that_is_killed_leaves_the_file_and_begins_anew(
+    planted: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = tmp_path / "a.h5"
+    shutil.copy(planted, path)
+
+    def killed(*arguments: object) -> None:
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patched:
+        patched.setattr(sys.modules["database.build"], "write_database", killed)
+        with pytest.raises(KeyboardInterrupt):
+            repair(path, n_jobs=1)
+    assert path.read_bytes() == planted.read_bytes()
+    load_guidance(path)
+    with pytest.raises(
+        ValueError, match=r"solved by ampi\.scp\.solve\.solve, got database\.stand_in"
+    ):
+        repair(path, solver=neighbour_moved)
+    (done,) = repair(path, n_jobs=1)
+    assert done.replaced
+    before, after = read_dataset(planted).attributes, read_dataset(path).attributes
+    assert {k: str(v) for k, v in after.items() if k != DIGEST} == {
+        k: str(v) for k, v in before.items() if k != DIGEST
+    }
+    assert [p.name for p in tmp_path.iterdir()] == ["a.h5"]
 
 
 def test_a_case_of_the_other_branch_is_named_and_solved_again(

@@ -7,6 +7,7 @@ import fcntl
 import os
 import resource
 import shutil
+import signal
 import subprocess
 import sys
 import time
@@ -154,7 +155,7 @@ def test_what_is_being_flushed_when_the_worker_dies_runs_again(
     misbehaving: ModuleType, tmp_path: Path
 ) -> None:
     first = misbehaving.Marking(tmp_path, "first", flush_waits_for="second")
-    second = misbehaving.Marking(tmp_path, "second", dies_once=True)
+    second = misbehaving.Marking(tmp_path, "second", deaths=1)
     supervised(tmp_path, first, second)
     for job in (first, second):
         assert job.result.read_text() == ""  # kept, not given up
@@ -169,6 +170,53 @@ def test_a_flush_that_always_kills_its_worker_is_given_up(
     supervised(tmp_path, job)
     assert job.result.read_text() == "Its worker process died 2 times, by SIGKILL."
     assert len(turns(tmp_path, "first")) == 2
+
+
+def test_deaths_before_a_job_has_begun_are_no_verdict_on_it(
+    misbehaving: ModuleType, tmp_path: Path
+) -> None:
+    """Five in a row: an operator, the kernel short of memory. The job has done nothing yet."""
+    job = misbehaving.Marking(tmp_path, "first", deaths=5)
+    supervised(tmp_path, job)
+    assert job.result.read_text() == ""  # kept
+    assert len(turns(tmp_path, "first")) == 6
+
+
+def test_deaths_in_an_attempt_are(misbehaving: ModuleType, tmp_path: Path) -> None:
+    job = misbehaving.Marking(tmp_path, "first", deaths=5, announces=True)
+    supervised(tmp_path, job)
+    assert job.result.read_text() == "Its worker process died 3 times, by SIGKILL."
+    assert len(turns(tmp_path, "first")) == 3
+
+
+def test_time_limits_hold_though_the_parent_ignores_and_blocks_alarms(
+    small_mission: Mission, misbehaving: ModuleType, tmp_path: Path
+) -> None:
+    """Both are inherited by children: of a scheduler's shell, of a notebook's server."""
+    path = tmp_path / "a.h5"
+    before = signal.signal(signal.SIGALRM, signal.SIG_IGN)
+    signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGALRM})
+    try:
+        database.build(small_mission, path, solver=misbehaving.dawdles, time_limit=1.0)
+    finally:
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGALRM})
+        signal.signal(signal.SIGALRM, before)
+    messages = [m.decode() for m in read_dataset(path).message.ravel()]
+    assert any("in 4 step(s): Converged" in m for m in messages)
+
+
+def test_workers_import_nothing_from_the_present_folder(
+    small_mission: Mission,
+    undisturbed: bytes,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """A user's folder may hold a numpy.py, or a json.py, of their own."""
+    for name in ("numpy", "json"):
+        (tmp_path / f"{name}.py").write_text("raise SystemExit('this is not the library')")
+    monkeypatch.chdir(tmp_path)
+    database.build(small_mission, "a.h5", n_jobs=1, solver=neighbour_moved)
+    assert Path("a.h5").read_bytes() == undisturbed
 
 
 @contextmanager

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -15,6 +17,7 @@ from ampi.missions.mission import Mission, parse_mission
 from ampi.onboard.reference import Mode
 from ampi.trajectory import Status, Trajectory
 from database.audit import nodal_reference
+from database.build import BuildError, KnownCase
 from database.error_map import COLUMNS, CellError, best_cell, error_map
 from database.gains import GainSettings
 from database.refine import RefineReport, refine, with_point
@@ -135,6 +138,24 @@ def test_settings_of_the_file_are_kept_and_another_optimiser_is_refused(
         ValueError, match=r"solved by database\.stand_in\.neighbour_moved, got ampi"
     ):
         refine(path, tmp_path / "other.h5", parameter="speed")
+
+
+def test_a_refinement_is_not_continued_from_another_source(
+    small_mission: Mission, tmp_path: Path
+) -> None:
+    """Both databases are of one mission, and their optima differ: the file would mix them."""
+    one, other, output = (tmp_path / f"{name}.h5" for name in ("one", "other", "refined"))
+    database.build(small_mission, one, solver=neighbour_moved)
+    first = KnownCase.of(read_dataset(one), 0)
+    longer = replace(first.trajectory, final_time=first.trajectory.final_time + 1.0)
+    known = {0: replace(first, trajectory=longer)}
+    database.build(small_mission, other, solver=neighbour_moved, known=known)
+    options: dict[str, Any] = {"parameter": "speed", "solver": neighbour_moved}
+    with pytest.raises(ZeroDivisionError):
+        refine(one, output, advance=lambda count: 1 // 0, **options)
+    with pytest.raises(BuildError, match=r"cases of another build \(different known_sha256\)"):
+        refine(other, output, **options)
+    assert refine(one, output, **options).build.resumed >= 9
 
 
 def test_an_output_that_is_a_link_stays_one(small_mission: Mission, tmp_path: Path) -> None:

@@ -17,8 +17,9 @@ from hypothesis import strategies as st
 
 from ampi.file_sink import FileSink
 from database.blocks import BLOCK_CASES, blocks
+from database.campaign import JobError
 from database.hdf5_file import _copy_block, decoded_block, encoded_block
-from database.jobs import Job, JobError
+from database.jobs import Job
 from database.schedule import run_jobs
 
 shapes = st.lists(st.integers(1, 5), min_size=1, max_size=6).map(tuple)
