@@ -390,7 +390,9 @@ def _print_coherence(report: Any) -> None:
         f"the family's scale ({ROWS[row].replace('_', ' ')}); a case stands out above {THRESHOLD:g}"
     )
     for outlier in smooth.outliers:
-        out.print(f"  {_outlier_name(outlier)}: roughness {outlier.roughness:.1f}")
+        limit = "" if outlier.limit is None else outlier.limit.replace("_", " ")
+        bend = f"; the {limit} reaches its limit there and in no case beside it" if limit else ""
+        out.print(f"  {_outlier_name(outlier)}: roughness {outlier.roughness:.1f}{bend}")
     if smooth.outliers:
         out.print(
             "  on another branch, or where a limit begins to act; re-solve them from their neighbours "

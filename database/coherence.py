@@ -23,7 +23,8 @@ spoils every line through it, a good one beside it only the line they share, so
 
 Every triple above `THRESHOLD` must have somebody to blame: the roughest of its three cases, and of
 equally rough ones the farthest from the hypercentre. With a single line (d = 1) all three are equally
-rough and the blame is a guess; re-solving the case (database/repair.py) tells.
+rough and the blame is a guess; re-solving the case (database/repair.py) tells. A path limit that acts
+in a case and in none beside it bends the family too: the case is named with that limit.
 """
 
 from __future__ import annotations
@@ -37,6 +38,7 @@ from numpy.typing import NDArray
 
 from ampi.dataset import TrajectoryDataset
 from ampi.physics.equations_of_motion import STATES
+from ampi.physics.path_constraints import PATH_CONSTRAINTS
 from database.grid import Grid
 
 Array = NDArray[np.float64]
@@ -45,6 +47,7 @@ ROWS = (*STATES, "final_time")
 # The 729 optima of SHEFEX-3 reach 5 (their 2187 with density 6), a case of its other branch 16 to 40.
 THRESHOLD = 10.0
 RESOLUTION = 1e-5
+ACTING = 0.9995  # of a path limit, read on a 1 s grid
 
 
 @dataclass(frozen=True)
@@ -55,6 +58,7 @@ class Outlier:
     index: tuple[int, ...]
     parameters: dict[str, float]  # SI, rad
     roughness: float  # Eq. (3)
+    limit: str | None  # a path limit that acts there and in no case beside it
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,7 +116,7 @@ def coherence(dataset: TrajectoryDataset) -> Coherence:
             [_known(r, 0.0).reshape(-1, len(ROWS)).max(axis=0) for r in ratios.values()], 0
         ),
         roughness=roughness,
-        outliers=tuple(_outlier(grid, case, roughness) for case in blamed),
+        outliers=tuple(_outlier(grid, case, roughness, dataset.peak) for case in blamed),
     )
 
 
@@ -189,10 +193,13 @@ def _blamed(grid: Grid, roughness: Array, ratios: dict[int, Array]) -> list[int]
     return sorted(blamed, key=lambda case: (-float(roughness.ravel()[case]), case))
 
 
-def _outlier(grid: Grid, case: int, roughness: Array) -> Outlier:
+def _outlier(grid: Grid, case: int, roughness: Array, peak: Array) -> Outlier:
     index = tuple(int(i) for i in np.unravel_index(case, grid.shape))
     point = dict(zip(grid.names, grid.point(case).tolist(), strict=True))
-    return Outlier(case, index, point, float(roughness[index]))
+    acts = peak.reshape(grid.size, -1) >= ACTING
+    alone = acts[case] & ~acts[grid.beside(case)].any(axis=0)
+    limit = next((n for n, only in zip(PATH_CONSTRAINTS, alone, strict=True) if only), None)
+    return Outlier(case, index, point, float(roughness[index]), limit)
 
 
 def _known(values: Array, otherwise: float) -> Array:

@@ -62,6 +62,17 @@ class Grid:
         """Parameters of every grid point, (c, d)."""
         return np.stack(np.meshgrid(*self.axes, indexing="ij"), axis=-1).reshape(self.size, -1)
 
+    def beside(self, case: int) -> list[int]:
+        """Cases one step away along each axis, on both sides."""
+        index, found = np.unravel_index(case, self.shape), list[int]()
+        for axis, size in enumerate(self.shape):
+            for step in (-1, 1):
+                k = index[axis] + step
+                if 0 <= k < size:
+                    there = (*index[:axis], k, *index[axis + 1 :])
+                    found.append(int(np.ravel_multi_index(there, self.shape)))
+        return found
+
     def describe(self, case: int) -> str:
         """Grid indices of a case, for logs."""
         index = [int(i) for i in np.unravel_index(case, self.shape)]

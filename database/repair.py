@@ -66,7 +66,7 @@ def repair(path: str | Path, *, solver: Solver = solve, n_jobs: int = 2) -> tupl
     done = []
     for outlier in found.outliers:
         best, roughness, message = None, outlier.roughness, "no neighbour leads to a smoother one"
-        for neighbour in _neighbours(grid, outlier.index):
+        for neighbour in grid.beside(outlier.case):
             if neighbour in suspects or neighbour not in known:
                 continue
             mission = dataset.mission.with_parameters(grid.point(outlier.case))
@@ -93,15 +93,3 @@ def repair(path: str | Path, *, solver: Solver = solve, n_jobs: int = 2) -> tupl
 def _rows(trajectory: Trajectory) -> Array:
     final_time = np.full((1, trajectory.states.shape[1]), trajectory.final_time)
     return np.concatenate([trajectory.states, final_time])
-
-
-def _neighbours(grid: Grid, index: tuple[int, ...]) -> list[int]:
-    """Cases one step away along each axis, on both sides."""
-    found = []
-    for axis, size in enumerate(grid.shape):
-        for step in (-1, 1):
-            k = index[axis] + step
-            if 0 <= k < size:
-                there = (*index[:axis], k, *index[axis + 1 :])
-                found.append(int(np.ravel_multi_index(there, grid.shape)))
-    return found

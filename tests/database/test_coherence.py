@@ -88,6 +88,7 @@ def test_an_uneven_axis_accuses_nobody_but_the_case_that_jumped(
         states=states,
         final_time=600.0 + p,
         status=np.zeros(len(p), dtype=int),
+        peak=np.zeros((len(p), 3)),
     )
     found = coherence(family)
     assert bool(found.outliers) is (jump is not None)
@@ -123,6 +124,22 @@ def test_the_family_of_the_mission_is_smooth(small_database: Path) -> None:
     assert found.triples == 6
     assert found.worst.max() < 0.2 * THRESHOLD
     assert found.outliers == ()
+
+
+def test_a_case_bent_by_a_limit_is_named_with_it_and_kept(
+    small_mission: Mission, tmp_path: Path
+) -> None:
+    """One optimum for every limit that does not act: where it begins to, no line is straight."""
+    others, _, _ = small_mission.toml.partition("[grid]")
+    axis = "[grid]\nlimits.heat_flux_MW_per_m2 = [-1.8, -1.7, -1.6, -1.5, 0.0, 1.0, 2.0]\n"
+    path = tmp_path / "limited.h5"
+    assert database.build(parse_mission(others + axis), path).solved == 7
+    before = path.read_bytes()
+    (outlier,) = coherence(read_dataset(path)).outliers
+    assert (outlier.case, outlier.limit) == (0, "heat_flux")
+    (done,) = repair(path)
+    assert not done.replaced
+    assert path.read_bytes() == before
 
 
 @pytest.fixture(scope="module")
@@ -184,7 +201,7 @@ def test_a_case_of_the_other_branch_is_named_and_solved_again(
 ) -> None:
     before, good = read_dataset(planted), read_dataset(small_database)
     assert before.message[0, 2] == b"planted"
-    assert [o.index for o in coherence(before).outliers] == [(0, 2)]
+    assert [(o.index, o.limit) for o in coherence(before).outliers] == [((0, 2), None)]
     (done,) = repair(planted, n_jobs=1)
     assert done.replaced
     assert done.outlier.roughness > THRESHOLD > 1.0 > done.roughness

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from ampi.missions.mission import load_mission, parse_mission
+from ampi.missions.mission import Mission, load_mission, parse_mission
 from database.continuation import layers
 from database.grid import Grid
 
@@ -67,3 +67,11 @@ def test_an_uneven_grid_of_any_parameters() -> None:
     assert [grid.point(case)[1] for case in range(4)] == [490.0, 499.0, 500.0, 502.0]
     np.testing.assert_array_equal(grid.points(), [grid.point(case) for case in range(8)])
     assert [len(layer) for layer in layers(grid)] == [1, 3, 3, 1]
+
+
+def test_the_cases_beside_one_differ_by_one_step_of_one_axis(small_mission: Mission) -> None:
+    grid = Grid.from_mission(small_mission)
+    place = {case: np.unravel_index(case, grid.shape) for case in range(grid.size)}
+    for case in range(grid.size):
+        steps = {c: np.abs(np.subtract(place[c], place[case])).sum() for c in place}
+        assert sorted(grid.beside(case)) == [c for c, count in steps.items() if count == 1]
