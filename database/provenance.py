@@ -23,6 +23,7 @@ from ampi.scp.exact_hessian import SolverSettings
 from database.campaign import Campaign, solver_name
 
 PACKAGES = ("ampi", "numpy", "scipy", "casadi", "clarabel", "h5py")
+SOURCES = (":/ampi", ":/database")
 UNKNOWN = "unknown"
 
 
@@ -69,14 +70,14 @@ def package_version(name: str) -> str:
 
 
 def git_revision() -> str:
-    """Revision of the checkout that this file belongs to, 'unknown' for an installed package.
+    """The last commit that changed the sources, in the checkout that this file belongs to.
 
-    With '-dirty' behind it where the sources are not those of the revision.
+    With '-dirty' behind it where they have been changed since; 'unknown' for an installed package.
     """
     try:
         _git("ls-files", "--error-unmatch", Path(__file__).name)  # no checkout of something else
-        revision = _git("rev-parse", "HEAD")
-        changed = _git("status", "--porcelain", "--untracked-files=no", ":/ampi", ":/database")
+        revision = _git("log", "-1", "--format=%H", "--", *SOURCES)
+        changed = _git("status", "--porcelain", "--untracked-files=no", "--", *SOURCES)
     except (OSError, subprocess.CalledProcessError):
         return UNKNOWN
     return f"{revision}-dirty" if changed else revision

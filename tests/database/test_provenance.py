@@ -69,6 +69,8 @@ def test_the_revision_is_that_of_the_checkout(copied: Path) -> None:
     revision = repository(copied)
     assert asked(copied) == revision
     (copied / "notes.txt").write_text("beside the sources\n")
+    repository(copied)  # a commit that no number depends on
+    assert git(copied, "rev-parse", "HEAD") != revision
     assert asked(copied) == revision
     with (copied / "ampi" / "trajectory.py").open("a") as source:
         source.write("# changed\n")
