@@ -18,7 +18,7 @@ import shutil
 import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import AbstractContextManager, closing, contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from threading import Thread
 from typing import Any
@@ -45,9 +45,8 @@ from database.records import (
     block_path,
     count_records,
     discard_records,
-    keeping_records,
+    label_of,
     load_block,
-    load_record,
     no_parts,
     read_fingerprint,
     record_path,
@@ -169,25 +168,21 @@ def build(
         no_parts(folder),
         _engine(n_jobs, client) as engine,
     ):
-        made = made_by(campaign)  # while the workers import what they need
-        _claim(campaign, _fingerprint(campaign, made, known or {}), resume=resume)
+        # while the workers import what they need
+        fingerprint = _claim(folder, _fingerprint(campaign, known or {}), mission, resume=resume)
+        campaign = replace(campaign, label=label_of(fingerprint))
         _keep_known(campaign, known or {})
-        attributes = provenance(campaign, made)
+        attributes = provenance(campaign, fingerprint)
         return _Build(campaign, path, attributes, engine, advance or (lambda count: None)).run()
 
 
 def _keep_known(campaign: Campaign, known: Mapping[int, KnownCase]) -> None:
     """Records of the optima that are known, where there are none yet."""
-    folder, mission = campaign.folder, campaign.mission
-    missing = [case for case in known if load_record(folder, case, mission) is None]
+    missing = [case for case in known if campaign.record(case) is None]
     for k in range(0, len(missing), KNOWN_AT_ONCE):
-        keeping_records(
-            folder,
-            [
-                CaseRecord(case, known[case].trajectory, known[case].message, 0, 0.0)
-                for case in missing[k : k + KNOWN_AT_ONCE]
-            ],
-            mission,
+        campaign.keeping(
+            CaseRecord(case, known[case].trajectory, known[case].message, 0, 0.0)
+            for case in missing[k : k + KNOWN_AT_ONCE]
         )()
 
 
@@ -253,11 +248,11 @@ class _Build:
 
     def record(self, case: int) -> CaseRecord | None:
         """What is kept of a case."""
-        return load_record(self.campaign.folder, case, self.campaign.mission)
+        return self.campaign.record(case)
 
     def block(self, block: Block) -> bytes:
         """An assembled block."""
-        encoded = load_block(self.campaign.folder, block.number, self.campaign.block_label)
+        encoded = load_block(self.campaign.folder, block.number, self.campaign.label)
         if encoded is None:
             raise BuildError(
                 f"{block_path(self.campaign.folder, block.number)} has disappeared or changed during "
@@ -363,27 +358,31 @@ def _refuse_other_database(path: Path, mission: Mission) -> None:
         )
 
 
-def _fingerprint(
-    campaign: Campaign, made: Mapping[str, object], known: Mapping[int, KnownCase]
-) -> dict[str, str]:
+def _fingerprint(campaign: Campaign, known: Mapping[int, KnownCase]) -> dict[str, str]:
     """All that the records of a build depend on."""
     return {
         "mission": campaign.mission.name,
         "mission_sha256": hashlib.sha256(campaign.toml.encode()).hexdigest(),
-        **{key: str(value) for key, value in made.items()},
+        **made_by(campaign),
         "known_sha256": _digest(known),
     }
 
 
-def _claim(campaign: Campaign, fingerprint: dict[str, str], *, resume: bool) -> None:
-    """Mark the folder of records as this build's; refuse another's, or empty it."""
-    folder = campaign.folder
+def _claim(
+    folder: Path, fingerprint: dict[str, str], mission: Mission, *, resume: bool
+) -> dict[str, str]:
+    """Mark the folder of records as this build's; refuse another's, or empty it.
+
+    What is returned is the fingerprint of the first run: the same sources may have another revision.
+    """
     found = read_fingerprint(folder) if resume else None
     if resume:
         _refuse_other_build(folder, found, fingerprint)
     if found is None:
         discard_records(folder)
-    write_fingerprint(folder, fingerprint, campaign.toml)
+        found = fingerprint
+    write_fingerprint(folder, found, mission.toml)
+    return found
 
 
 def _refuse_other_build(
@@ -396,12 +395,12 @@ def _refuse_other_build(
             f"{count} finished cases belong to; put one of the two back, choose another path, or start "
             "afresh with resume off"
         )
-    if found not in (None, fingerprint):
-        differing = [
-            f"{key} ({found.get(key)} there, {value} here)" if len(value) < READABLE else key
-            for key, value in fingerprint.items()
-            if found.get(key) != value
-        ]
+    differing = [
+        f"{key} ({found.get(key)} there, {value} here)" if len(value) < READABLE else key
+        for key, value in fingerprint.items()
+        if found is not None and found.get(key) != value and key != "git_revision"
+    ]
+    if differing:
         raise BuildError(
             f"{folder} holds cases of another build (different {', '.join(differing)}); "
             "finish that build as it was begun, choose another path, or delete the folder to start "

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path
@@ -14,7 +15,7 @@ from ampi.scp.solve import solve
 from ampi.trajectory import Trajectory
 from database.gains import GainSettings
 from database.grid import Grid
-from database.records import load_record, record_path
+from database.records import CaseRecord, keeping_records, load_record, record_path
 
 MOST_MODELS = 16  # as many as a process keeps traced (scp.family_condensing)
 TIME_LIMIT = 60.0  # s for one solve: some 300 times what a hard one takes
@@ -73,17 +74,13 @@ class Campaign:
     solver: Solver = solve
     time_limit: float = TIME_LIMIT  # s, of one solve
     gains: GainSettings = field(default_factory=GainSettings)
-    build: str = ""  # which build of this folder: in one, a record never changes once kept
+    label: str = ""  # of the build's fingerprint: its records are sealed with it
+    build: str = ""  # which run of it: in one, a record never changes once kept
 
     @property
     def together(self) -> bool:
         """Whether cases are solved together: `solve_family` finds what `solve` finds, and faster."""
         return self.solver is solve and _flight_models(self.toml) <= MOST_MODELS
-
-    @property
-    def block_label(self) -> str:
-        """What a block depends on besides its cases."""
-        return f"{self.gains}\n{self.toml}"
 
     @property
     def mission(self) -> Mission:
@@ -103,7 +100,15 @@ class Campaign:
         JobError
             If the case is not kept: what is solved without it would not be what a build solves.
         """
-        return _kept_trajectory(self.folder, case, self.build, self.toml)
+        return _kept_trajectory(self.folder, case, self.label, self.build, self.toml)
+
+    def record(self, case: int) -> CaseRecord | None:
+        """What is kept of a case; None if there is nothing whole."""
+        return load_record(self.folder, case, self.mission, self.label)
+
+    def keeping(self, records: Iterable[CaseRecord]) -> Callable[[], None]:
+        """Write records; what it returns puts them in place (`database.records.keeping`)."""
+        return keeping_records(self.folder, records, self.label)
 
 
 def lost(folder: Path, case: int) -> str:
@@ -131,9 +136,11 @@ def _flight_models(toml: str) -> int:
 
 
 @lru_cache(maxsize=20000)  # 6 kB each
-def _kept_trajectory(folder: Path, case: int, build: str, toml: str) -> Trajectory | None:
+def _kept_trajectory(
+    folder: Path, case: int, label: str, build: str, toml: str
+) -> Trajectory | None:
     """`Campaign.solved`; an error is not remembered."""
-    record = load_record(folder, case, _mission_and_grid(toml)[0])
+    record = load_record(folder, case, _mission_and_grid(toml)[0], label)
     if record is None:
         raise JobError(lost(folder, case))
     return record.trajectory if record.trajectory.status.ok else None

@@ -8,6 +8,7 @@ its dask backend then waits for ever.
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from functools import lru_cache
@@ -15,10 +16,12 @@ from typing import Any, Protocol
 
 from database.campaign import JobError
 from database.jobs import Job
-from database.provenance import software
+from database.provenance import require_same, software
 from database.supervisor import Supervisor
 
 RETRIES = 3  # of a job that raises on a cluster: a folder may be out of reach for a moment
+LONELY = 120.0  # s without any worker
+IMPORTABLE = "__import__('importlib.util').util.find_spec('database') is not None"
 AHEAD = 3  # jobs under way per worker: one is computed, one flushed, one on its way
 
 
@@ -35,6 +38,9 @@ class Engine(Protocol):
 
     def submit(self, job: Job, tell: Callable[[BaseException | None], None]) -> None:
         """Run a job some time."""
+
+    def look(self) -> None:
+        """Raise JobError if there is nobody left to run a job."""
 
     def close(self) -> None:
         """Drop what is under way and end."""
@@ -55,6 +61,9 @@ class LocalEngine:
         future = self._threads.submit(self._supervisor.run, job)
         future.add_done_callback(lambda f: None if f.cancelled() else tell(f.exception()))
 
+    def look(self) -> None:
+        """Workers are replaced as they die."""
+
     def close(self) -> None:
         """End workers and threads."""
         self._threads.shutdown(wait=False, cancel_futures=True)
@@ -72,6 +81,10 @@ class ClusterEngine:
 
         self._client, self._killed = client, KilledWorker
         self._futures: set[Any] = set()
+        self._seen = time.monotonic()
+        for worker, importable in client.run(eval, IMPORTABLE).items():
+            if not importable:
+                raise JobError(f"the worker {worker} cannot import ampi; install it there")
 
     def submit(self, job: Job, tell: Callable[[BaseException | None], None]) -> None:
         """Run a job on some worker, and again elsewhere if that worker is lost."""
@@ -91,13 +104,26 @@ class ClusterEngine:
 
     def outcome(self, job: Job, error: BaseException) -> BaseException | None:
         """A job whose workers were lost time and again is a record, as on one machine."""
-        if not isinstance(error, self._killed):
+        if isinstance(error, OSError | JobError):
             return error
+        if not isinstance(error, self._killed):
+            text = " ".join(str(error).split())
+            return JobError(f"a worker of the cluster: {type(error).__name__}: {text}")
         try:
             job.give_up("The cluster lost every worker that tried it.")  # no address: same bytes
         except (OSError, JobError) as failure:
             return failure
         return None
+
+    def look(self) -> None:
+        """Nobody knows whether workers that are gone will come back: then there is an end."""
+        if self._client.scheduler_info()["workers"]:
+            self._seen = time.monotonic()
+        elif time.monotonic() - self._seen > LONELY:
+            raise JobError(
+                f"the cluster has had no workers for {LONELY:g} s; start some, wait for them "
+                "(client.wait_for_workers)"
+            )
 
     def close(self) -> None:
         """Drop what is under way; the client stays open, it is not ours."""
@@ -117,11 +143,5 @@ def run_supervised(job: Job, expected: Mapping[str, str]) -> None:
     JobError
         If the worker has other software than the file will name.
     """
-    other = {name: found for name, found in software().items() if found != expected.get(name)}
-    if other:
-        name, found = next(iter(other.items()))
-        raise JobError(
-            f"a worker of the cluster has {name} {found}, this build {expected.get(name)}; "
-            "install the same software everywhere"
-        )
+    require_same(software(), "a worker of the cluster", expected)
     _here().run(job)

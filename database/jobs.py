@@ -44,8 +44,6 @@ from database.records import (
     block_path,
     is_recorded,
     keeping_block,
-    keeping_records,
-    load_record,
     record_path,
 )
 
@@ -118,7 +116,7 @@ class SolveTogether(Job):
             for (case, attempt, _), flown in zip(ready, found, strict=True)
             if flown is not None
         ]
-        return _keeper().submit(keeping_records(campaign.folder, records, campaign.mission))
+        return _keeper().submit(campaign.keeping(records))
 
     def without(self, attempt: int) -> SolveTogether:
         """Nothing: each case will be tried alone."""
@@ -185,7 +183,7 @@ class SolveCase(Job):
         trajectory = no_trajectory(mission.pseudospectral_mesh) if best is None else best
         seconds = time.perf_counter() - began
         record = CaseRecord(self.planned.case, trajectory, "; ".join(log), solves, seconds)
-        return _keeper().submit(keeping_records(self.campaign.folder, [record], mission))
+        return _keeper().submit(self.campaign.keeping([record]))
 
     def without(self, attempt: int) -> SolveCase:
         """The same case along the other paths."""
@@ -195,7 +193,7 @@ class SolveCase(Job):
         """A record with the status ERROR."""
         nothing = no_trajectory(self.campaign.mission.pseudospectral_mesh)
         record = CaseRecord(self.planned.case, nothing, reason, 0, 0.0)
-        keeping_records(self.campaign.folder, [record], self.campaign.mission)()
+        self.campaign.keeping([record])()
 
     def _starts(self) -> dict[int, Trajectory]:
         """The solved neighbours, best first."""
@@ -226,14 +224,14 @@ class AssembleBlock(Job):
         folder, mission = self.campaign.folder, self.campaign.mission
         records = []
         for case in self.block.cases(self.campaign.grid.shape):
-            record = load_record(folder, case, mission)
+            record = self.campaign.record(case)
             if record is None:
                 raise JobError(lost(folder, case))
             records.append(record)
         with stopped_after(self.campaign.time_limit * len(records)):
             values = assemble(mission, self.block, records, self.campaign.gains)
         encoded = encoded_block(values, block_shape(self.campaign.grid.shape))
-        label = self.campaign.block_label
+        label = self.campaign.label
         return _keeper().submit(keeping_block(folder, self.block.number, encoded, label))
 
     def without(self, attempt: int) -> Job:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Set
 
 import numpy as np
 
@@ -10,6 +10,7 @@ from database.blocks import blocks
 from database.campaign import Campaign
 from database.continuation import PlannedCase, layers
 from database.jobs import AssembleBlock, Job, SolveCase, SolveTogether
+from database.prediction import corners
 from database.records import load_block
 
 TOGETHER = 32  # cases of a portion, at most: with half as many each takes a tenth longer
@@ -17,7 +18,7 @@ FEW = 6  # below, a case costs nearly what it costs alone
 
 
 def planned_jobs(
-    campaign: Campaign, kept: Collection[int], width: int
+    campaign: Campaign, kept: Set[int], width: int
 ) -> tuple[dict[str, Job], dict[str, list[str]]]:
     """Jobs that solve all cases but those `kept` and assemble the blocks, and what each job needs.
 
@@ -30,7 +31,7 @@ def planned_jobs(
         block
         for block in blocks(grid.shape)
         if any(case not in kept for case in block.cases(grid.shape))
-        or load_block(campaign.folder, block.number, campaign.block_label) is None
+        or load_block(campaign.folder, block.number, campaign.label) is None
     ]
     solved = set(kept)
     plan = layers(grid)
@@ -38,7 +39,7 @@ def planned_jobs(
     for distance in range(grid.shape[0]):
         for layer in plan:
             here = [p for p in layer if away[p.case] == distance and p.case not in kept]
-            _solving_jobs(campaign, here, width, jobs, needs)
+            _solving_jobs(campaign, here, width, kept, jobs, needs)
             solved.update(p.case for p in here)
         for block in list(open_blocks):
             cases = block.cases(grid.shape)
@@ -53,13 +54,15 @@ def _solving_jobs(
     campaign: Campaign,
     layer: list[PlannedCase],
     width: int,
+    kept: Set[int],
     jobs: dict[str, Job],
     needs: dict[str, list[str]],
 ) -> None:
     """Add the jobs that solve cases of one layer.
 
     Few portions are made a multiple of the engine's `width`, so that all workers end together; none is
-    cut too fine.
+    cut too fine. A case starts from neighbours and from what lies between them and the centre
+    (database.prediction): where a neighbour is kept, nothing else waits for the latter.
     """
     portions = -(-len(layer) // TOGETHER)
     if portions < 2 * width:
@@ -70,6 +73,9 @@ def _solving_jobs(
         for planned in portion:
             jobs[case_name(planned.case)] = SolveCase(campaign, planned)
             needs[case_name(planned.case)] = [case_name(n) for n in planned.neighbours]
+            if not kept.isdisjoint(planned.neighbours):  # else they have waited for the others
+                lost = [corner for _, corner in corners(campaign.grid, planned.case)]
+                needs[case_name(planned.case)] += [case_name(n) for n in lost if n not in kept]
         if campaign.together and portion[0].neighbours:
             name = f"cases {', '.join(str(p.case) for p in portion)}"
             jobs[name] = SolveTogether(campaign, tuple(portion))

@@ -1,11 +1,12 @@
 """What made a database: with its mission text, enough to build the file again.
 
-Nothing here depends on host or clock. A build continues only what the same software began: the file
-names one version of each package, and its cases must be of that one.
+Nothing here depends on host or clock. A build continues only what the same software began, and its
+workers must have that, too: the file names one version of each package and one digest of the sources.
 """
 
 from __future__ import annotations
 
+import hashlib
 import json
 import os
 import platform
@@ -20,34 +21,36 @@ import numpy as np
 
 from ampi.dataset import SCHEMA_VERSION
 from ampi.scp.exact_hessian import SolverSettings
-from database.campaign import Campaign, solver_name
+from database.campaign import Campaign, JobError, solver_name
 
 PACKAGES = ("ampi", "numpy", "scipy", "casadi", "clarabel", "h5py")
 SOURCES = (":/ampi", ":/database")
+FOR_EYES = ("ampi/report/", "ampi/cli.py", "ampi/progress.py")  # no number depends on these
 UNKNOWN = "unknown"
 
 
-def provenance(campaign: Campaign, made: Mapping[str, object]) -> dict[str, object]:
-    """Root attributes of the file; `made` is `made_by` of the campaign."""
+def provenance(campaign: Campaign, fingerprint: Mapping[str, str]) -> dict[str, object]:
+    """Root attributes of the file, from what its records depend on (database.build)."""
     mission = campaign.mission
-    return {
+    found = {
         "schema_version": SCHEMA_VERSION,
         "title": f"Trajectory database of {mission.title}",
-        "mission": mission.name,
         "mission_toml": mission.toml,
         "parameters": np.array(campaign.grid.names, dtype=object),
         "bank_rate_effort": mission.objective.bank_rate_effort,
         "mesh": json.dumps([asdict(p) for p in mission.pseudospectral_mesh.phases]),
-        **made,
+        **{k: v for k, v in fingerprint.items() if k != "mission_sha256"},
+        "time_limit": campaign.time_limit,  # s, of one solve
     }
+    return dict(sorted(found.items()))  # the bytes of the file depend on the order
 
 
-def made_by(campaign: Campaign) -> dict[str, object]:
-    """All that the numbers of a file depend on besides its mission."""
+def made_by(campaign: Campaign) -> dict[str, str]:
+    """All that the numbers of a file depend on besides its mission, and the revision that has it."""
     return {
         "solver": solver_name(campaign.solver),
         "solver_settings": json.dumps(asdict(SolverSettings()), sort_keys=True),
-        "time_limit": campaign.time_limit,  # s, of one solve
+        "time_limit": f"{campaign.time_limit!r} s",
         "gain_settings": json.dumps(asdict(campaign.gains), sort_keys=True),
         "git_revision": git_revision(),
         **software(),
@@ -56,9 +59,34 @@ def made_by(campaign: Campaign) -> dict[str, object]:
 
 @lru_cache(maxsize=1)
 def software() -> dict[str, str]:
-    """Versions of Python and of the packages that solve and write."""
+    """Versions of Python and of the packages that solve and write, and a digest of the sources.
+
+    As this process finds them at first: later, sources may have changed beneath it.
+    """
     found = {f"{package}_version": package_version(package) for package in PACKAGES}
-    return {"python_version": platform.python_version(), **found}
+    return {"python_version": platform.python_version(), **found, "source_sha256": source_digest()}
+
+
+def require_same(found: Mapping[str, str], whose: str, here: Mapping[str, str]) -> None:
+    """Raise JobError if a process has found other `software` than the file will name."""
+    other = [name for name, value in found.items() if value != here.get(name)]
+    if other:
+        first = other[0]
+        raise JobError(
+            f"{whose} has {first} {found[first]}, this build {here.get(first)}; the file names one, so "
+            "let all be the same"
+        )
+
+
+def source_digest() -> str:
+    """SHA-256 of the code and the tables that numbers may depend on: with or without git, and dirty."""
+    digest, root = hashlib.sha256(), Path(__file__).parents[1]
+    files = [f for package in ("ampi", "database") for f in (root / package).rglob("*.*")]
+    for file in sorted(files):
+        name = file.relative_to(root).as_posix()
+        if file.suffix in (".py", ".csv") and not name.startswith(FOR_EYES):
+            digest.update(name.encode() + b"\0" + file.read_bytes() + b"\0")
+    return digest.hexdigest()
 
 
 def package_version(name: str) -> str:

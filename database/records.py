@@ -14,6 +14,7 @@ alone, so writing one twice does no harm.
 
 from __future__ import annotations
 
+import hashlib
 import json
 import math
 import os
@@ -37,7 +38,7 @@ CHECKSUM_BYTES = 4
 NEW_FILE = os.O_WRONLY | os.O_CREAT | os.O_TRUNC | os.O_CLOEXEC
 DELETERS = 16  # a file that was flushed takes milliseconds to delete; side by side they overlap
 FINGERPRINTS = ("build.json", "build.copy.json")
-_DAMAGED = (OSError, ValueError, KeyError)
+_NOTHING_WHOLE = (FileNotFoundError, ValueError, KeyError)  # a disk that cannot be read says so
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,10 +51,10 @@ class CaseRecord:
     solves: int  # optimal control problems solved to get there
     seconds: float
 
-    def packed(self, mission: Mission) -> bytes:
+    def packed(self, label: str) -> bytes:
         """One line of JSON, the arrays it names one after the other as f8, a CRC-32 of all that.
 
-        `mission` is the build's: the CRC is also of its text and of the case's number.
+        The CRC is also of the build's `label` and of the case's number.
 
         An .npz takes ten times as long to read, a quarter of a millisecond, and portions read hundreds.
         """
@@ -72,12 +73,12 @@ class CaseRecord:
         }
         parts = [json.dumps(head).encode(), b"\n"]
         parts += [np.ascontiguousarray(values, dtype="<f8").tobytes() for values in arrays.values()]
-        return _sealed(b"".join(parts), _mark(mission.toml, self.case))
+        return _sealed(b"".join(parts), _mark(label, self.case))
 
     @classmethod
-    def unpacked(cls, case: int, raw: bytes, mission: Mission) -> CaseRecord:
-        """The record in `raw`; ValueError if it is damaged, or of another case or mission."""
-        body = _unsealed(raw, _mark(mission.toml, case))
+    def unpacked(cls, case: int, raw: bytes, mission: Mission, label: str) -> CaseRecord:
+        """The record in `raw`; ValueError if it is damaged, or of another case or build."""
+        body = _unsealed(raw, _mark(label, case))
         line, _, _ = body.partition(b"\n")
         head, place = json.loads(line), len(line) + 1
         arrays = {}
@@ -192,24 +193,27 @@ def _record_file(folder: Path, case: int) -> str:
     return f"{folder}{os.sep}{_record_name(case)}"
 
 
-def keeping_records(
-    folder: Path, records: Iterable[CaseRecord], mission: Mission
-) -> Callable[[], None]:
-    """`keeping` cases of a mission's grid, each in its file."""
-    return keeping({_record_file(folder, r.case): r.packed(mission) for r in records})
+def keeping_records(folder: Path, records: Iterable[CaseRecord], label: str) -> Callable[[], None]:
+    """`keeping` cases of the build with this label, each in its file."""
+    return keeping({_record_file(folder, r.case): r.packed(label) for r in records})
 
 
-def load_record(folder: Path, case: int, mission: Mission) -> CaseRecord | None:
-    """The record of a case of this mission; None if it is absent, damaged or another's.
+def load_record(folder: Path, case: int, mission: Mission, label: str) -> CaseRecord | None:
+    """The record of a case; None if it is absent, damaged or of a build with another label.
 
     Another's: a cluster may still be running a job of a build that was given up, and keep its result in
     the folder of the next one.
+
+    Raises
+    ------
+    OSError
+        If it cannot be read: it may be whole.
     """
     try:
         with open(_record_file(folder, case), "rb", buffering=0) as file:
             raw = file.read()
-        return CaseRecord.unpacked(case, raw, mission)
-    except _DAMAGED:
+        return CaseRecord.unpacked(case, raw, mission, label)
+    except _NOTHING_WHOLE:
         return None
 
 
@@ -227,7 +231,7 @@ def load_block(folder: Path, number: int, label: str) -> bytes | None:
     """A block of the build with this label; None if it is absent, damaged or another's."""
     try:
         return _unsealed(block_path(folder, number).read_bytes(), _mark(label, number))
-    except _DAMAGED:
+    except _NOTHING_WHOLE:
         return None
 
 
@@ -237,6 +241,11 @@ def write_fingerprint(folder: Path, fingerprint: dict[str, str], toml: str) -> N
     text = json.dumps(checked, indent=1, sort_keys=True).encode()
     keeping({str(folder / "mission.toml"): toml.encode()})()
     keeping({str(folder / name): text for name in FINGERPRINTS})()
+
+
+def label_of(fingerprint: Mapping[str, str]) -> str:
+    """What the records of a build are sealed with."""
+    return hashlib.sha256(json.dumps(fingerprint, sort_keys=True).encode()).hexdigest()
 
 
 def _mark(label: str, number: int) -> int:
@@ -265,7 +274,7 @@ def read_fingerprint(folder: Path) -> dict[str, str] | None:
     for name in FINGERPRINTS:
         try:
             found = dict(json.loads((folder / name).read_text(encoding="utf-8")))
-        except (OSError, ValueError, TypeError):
+        except (FileNotFoundError, ValueError, TypeError):
             continue
         if found.pop("crc32", "") == _crc_of(found):
             return found

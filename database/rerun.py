@@ -21,7 +21,7 @@ from database.campaign import Campaign, Solver, require_solver
 from database.continuation import layers
 from database.grid import Grid
 from database.prediction import predicted
-from database.records import FINGERPRINTS, load_record, read_fingerprint
+from database.records import FINGERPRINTS, label_of, load_record, read_fingerprint
 
 PATIENCE = 86400.0  # s for one solve: a person is watching, and can stop it
 
@@ -145,10 +145,10 @@ def _open(path: Path) -> tuple[str, str, Stored]:
     fingerprint = read_fingerprint(folder)
     if fingerprint is None:
         raise DatasetError(f"{folder}: neither {' nor '.join(FINGERPRINTS)} can be read")
-    mission = parse_mission(toml)
+    mission, label = parse_mission(toml), label_of(fingerprint)
 
     def from_records(case: int) -> tuple[Trajectory, str] | None:
-        record = load_record(folder, case, mission)
+        record = load_record(folder, case, mission, label)
         return None if record is None else (record.trajectory, record.message)
 
     return toml, fingerprint["solver"], from_records

@@ -15,6 +15,8 @@ from database.campaign import JobError
 from database.engines import Engine
 from database.jobs import Job
 
+LOOK = 5.0  # s
+
 
 def run_jobs(
     jobs: Mapping[str, Job],
@@ -55,7 +57,7 @@ def run_jobs(
             submit(heapq.heappop(ready)[1])
             under_way += 1
         if not done:
-            name, error = told.get()
+            name, error = _next(told, engine)
             under_way -= 1
             if error is not None:
                 raise error
@@ -71,3 +73,14 @@ def run_jobs(
             if not open_needs[waiting]:
                 release(waiting)
         finished(name)
+
+
+def _next(
+    told: queue.SimpleQueue[tuple[str, BaseException | None]], engine: Engine
+) -> tuple[str, BaseException | None]:
+    """What is told next; while nothing is, the engine looks whether anything can be."""
+    while True:
+        try:
+            return told.get(timeout=LOOK)
+        except queue.Empty:
+            engine.look()

@@ -2,11 +2,14 @@
 
 A worker that dies takes its job with it and nothing else. What ended it decides what comes next:
 
-- the alarm of database.jobs.stopped_after: the attempt under way has exceeded its time limit; the same
-  job runs again without that attempt, and its record says so;
+- the alarm of database.attempts.stopped_after: the attempt under way has exceeded its time limit; it is
+  begun once more, for the process may have been stopped meanwhile; if it is overdue again, the same job
+  runs without that attempt, and its record says so;
 - anything else (a crash in native code, the kernel short of memory, an operator): the same job runs
   again as it was, because its result must not depend on accidents; after `DEATHS` of them the job
   itself is held to be the cause, and its record says that.
+
+A worker leads a process group of its own: what its job has started ends with it.
 
 A worker that dies before it is ready has nothing to do with any job: after `DEATHS` such failures
 in a row there is no point in starting another.
@@ -33,9 +36,11 @@ from pathlib import Path
 
 from database.campaign import JobError
 from database.jobs import Job
+from database.provenance import require_same, software
 from database.worker import START, Began, Computed, Kept, Message, Raised, Ready
 
 DEATHS = 3
+OVERDUE = 2  # times that an attempt may exceed its time limit
 MISFORTUNES = 30  # deaths before it began or while its result was flushed: no accident either
 LAST_BREATH = 5.0  # s between a worker's end of file and its exit status
 SETTINGS = {
@@ -83,6 +88,7 @@ class Worker:
             [sys.executable, "-P", "-c", _COMMAND],  # what lies in the present folder is not ours
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
+            start_new_session=True,
             env={**os.environ, **SETTINGS, "PYTHONPATH": os.pathsep.join(paths)},
         )
         self._numbers = count()
@@ -91,11 +97,22 @@ class Worker:
         self._inboxes: dict[int, queue.SimpleQueue[Message | None]] = {}
         self._open(START)
         threading.Thread(target=self._listen, daemon=True).start()
+        threading.Thread(target=self._clear_away, daemon=True).start()
 
     def wait_ready(self) -> None:
-        """Until its imports are done."""
-        if not isinstance(self._next(START, -1, computed=False), Ready):
+        """Until its imports are done.
+
+        Raises
+        ------
+        WorkerLost
+            If the process ended before.
+        JobError
+            If it has imported something else than this process.
+        """
+        first = self._next(START, -1, computed=False)
+        if not isinstance(first, Ready):
             raise JobError("worker: its first message was not that it is ready")
+        require_same(first.software, "a new worker process", software())
 
     def run(self, job: Job, free: Callable[[], None]) -> None:
         """Until the job's result is kept; calls `free` once the next job may be sent.
@@ -158,6 +175,12 @@ class Worker:
             raise WorkerLost(self.stop(), attempt, computed=computed)
         return message
 
+    def _clear_away(self) -> None:
+        """When it has ended, end what it has left: children hold its pipe, and `_listen` would wait."""
+        self.process.wait()
+        with suppress(ProcessLookupError, PermissionError):
+            os.killpg(self.process.pid, signal.SIGKILL)
+
     def _listen(self) -> None:
         """Until the worker's end of file, or half a message; whatever ends it, nobody waits on."""
         assert self.process.stdout is not None
@@ -185,7 +208,7 @@ class Supervisor:
 
     def run(self, job: Job) -> None:
         """Run a job until its result is kept, whatever happens to the workers."""
-        deaths, misfortunes = 0, 0
+        deaths, misfortunes, overdue = 0, 0, list[int]()
         while True:
             worker = self._take()
             try:
@@ -195,7 +218,9 @@ class Supervisor:
                 if self._closed:
                     raise
                 if lost.overdue:
-                    job = job.without(lost.attempt)
+                    overdue.append(lost.attempt)
+                    if overdue.count(lost.attempt) == OVERDUE:
+                        job = job.without(lost.attempt)
                 elif lost.computed or lost.attempt < 0:
                     misfortunes += 1
                 else:
@@ -264,6 +289,11 @@ class Supervisor:
         for deaths in range(1, DEATHS + 1):
             try:
                 worker.wait_ready()
+            except JobError:
+                worker.process.kill()
+                worker.stop()
+                self._forget(worker)
+                raise
             except WorkerLost as lost:
                 with self._changed:
                     self._alive.discard(worker)

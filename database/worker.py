@@ -3,7 +3,7 @@
 Messages are pickles on the two pipes that its supervisor holds, each with the number of its job:
 
     supervisor → worker    number, Job
-    worker → supervisor    number, Ready | Began(attempt) | Computed | Kept | Raised(error)
+    worker → supervisor    number, Ready(software) | Began(attempt) | Computed | Kept | Raised(error)
 
 Between Computed and Kept a result is on its way to the disk, and the next job may come.
 
@@ -21,6 +21,7 @@ import signal
 import sys
 import threading
 import traceback
+from collections.abc import Mapping
 from concurrent.futures import Future
 from dataclasses import dataclass
 from functools import partial
@@ -28,11 +29,14 @@ from typing import IO
 
 from database.campaign import JobError
 from database.jobs import Job
+from database.provenance import software
 
 
 @dataclass(frozen=True)
 class Ready:
-    """The worker has started."""
+    """The worker has started, with this software."""
+
+    software: Mapping[str, str]
 
 
 @dataclass(frozen=True)
@@ -87,7 +91,7 @@ def main() -> None:
         error = keeping.exception()
         send(number, Kept() if error is None else _raised(error))
 
-    send(START, Ready())
+    send(START, Ready(software()))
     while True:
         number, job = jobs.get()
         try:

@@ -36,7 +36,6 @@ from database.engines import LocalEngine
 from database.grid import Grid
 from database.jobs import AssembleBlock, SolveTogether
 from database.plan import planned_jobs
-from database.records import load_record
 from database.schedule import run_jobs
 
 Array = NDArray[np.float64]
@@ -215,12 +214,12 @@ def ours(mission: Mission, n_jobs: int) -> dict[str, Any]:
         campaign = Campaign(mission.toml, Path(folder))
         began = time.perf_counter()
         engine = LocalEngine(n_jobs)
-        jobs, needs = planned_jobs(campaign, (), engine.width)
+        jobs, needs = planned_jobs(campaign, set(), engine.width)
         solving = {name: job for name, job in jobs.items() if not isinstance(job, AssembleBlock)}
         run_jobs(solving, needs, engine, lambda name: None)
         seconds = time.perf_counter() - began
         engine.close()
-        found = [load_record(campaign.folder, k, mission) for k in range(campaign.grid.size)]
+        found = [campaign.record(k) for k in range(campaign.grid.size)]
     records = [r for r in found if r is not None]
     return {
         "seconds": seconds,
@@ -254,7 +253,7 @@ def phases(mission: Mission, portions: int = 12) -> dict[str, float]:
     profile = cProfile.Profile()
     with tempfile.TemporaryDirectory() as folder:
         campaign = Campaign(mission.toml, Path(folder))
-        jobs, _ = planned_jobs(campaign, (), width=4)
+        jobs, _ = planned_jobs(campaign, set(), width=4)
         measured = 0
         for job in list(jobs.values()):
             enough = measured == portions

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import signal
+import subprocess
 import sys
 import time
 from collections.abc import Callable
@@ -51,6 +52,28 @@ def dawdles(mission: Mission, *, guess: Trajectory | None = None) -> Trajectory:
     """Where `hangs_in_native_code` would never end; it is over when no alarm comes."""
     if _fast(mission) and _one_step(mission, guess):
         time.sleep(10.0)
+    return moved(mission, guess)
+
+
+def stopped_once(mission: Mission, *, guess: Trajectory | None = None) -> Trajectory:
+    """As an operator would stop the process, for longer than its time limit."""
+    stop = Path(os.environ["AMPI_TEST_GATE"]) / "stop"
+    if _fast(mission) and stop.exists():
+        stop.unlink()
+        again = f"sleep 2; kill -CONT {os.getpid()}"
+        subprocess.Popen(["sh", "-c", again], start_new_session=True)
+        os.kill(os.getpid(), signal.SIGSTOP)
+        time.sleep(0.1)  # the alarm is due
+    return moved(mission, guess)
+
+
+CHILDHOOD = 60.0  # s
+
+
+def hangs_with_a_child(mission: Mission, *, guess: Trajectory | None = None) -> Trajectory:
+    if _fast(mission):
+        subprocess.Popen(["sleep", str(CHILDHOOD)])
+        time.sleep(CHILDHOOD)
     return moved(mission, guess)
 
 

@@ -18,7 +18,6 @@ from database.campaign import Campaign, JobError
 from database.continuation import layers
 from database.grid import Grid
 from database.jobs import SolveCase
-from database.records import load_record
 from database.stand_in import neighbour_moved
 
 
@@ -117,8 +116,9 @@ def test_an_exception_in_the_optimiser_is_a_record(small_mission: Mission, tmp_p
         raise RuntimeError("boom")
 
     planned = layers(Grid.from_mission(small_mission))[0][0]
-    SolveCase(Campaign(small_mission.toml, tmp_path, explode), planned).run(lambda attempt: None)
-    record = load_record(tmp_path, planned.case, small_mission)
+    campaign = Campaign(small_mission.toml, tmp_path, explode)
+    SolveCase(campaign, planned).run(lambda attempt: None)
+    record = campaign.record(planned.case)
     assert record is not None
     assert record.trajectory.status is Status.ERROR
     assert "RuntimeError: boom" in record.message
@@ -140,7 +140,7 @@ def test_no_case_is_solved_without_a_neighbour_that_was_lost(
         SolveCase(campaign, planned).run(lambda attempt: None)
     corner = plan[2][0]
     there, lost = corner.neighbours
-    assert load_record(tmp_path, there, small_mission) is not None
+    assert campaign.record(there) is not None
     with pytest.raises(JobError, match=rf"case_{lost:06d}\.rec has disappeared or changed"):
         SolveCase(campaign, corner).run(lambda attempt: None)
 

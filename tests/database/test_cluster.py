@@ -18,13 +18,13 @@ from ampi.dataset import partial_folder
 from ampi.missions.mission import Mission, parse_mission
 from ampi.trajectory import Status
 from database.build import BuildError
-from database.campaign import Campaign
+from database.campaign import Campaign, JobError
 from database.continuation import layers
 from database.engines import ClusterEngine
 from database.grid import Grid
 from database.jobs import SolveCase
 from database.provenance import software
-from database.records import load_record, record_path
+from database.records import record_path
 
 distributed = pytest.importorskip("distributed")
 
@@ -108,12 +108,38 @@ def test_a_case_that_costs_every_worker_is_a_record(
     engine = ClusterEngine(client)
     lost = distributed.scheduler.KilledWorker("case", "tcp://here", 3)
     assert engine.outcome(job, lost) is None
-    record = load_record(tmp_path, planned.case, small_mission)
+    record = job.campaign.record(planned.case)
     assert record is not None
     assert record.trajectory.status is Status.ERROR
     assert record.message == "The cluster lost every worker that tried it."
-    other = ValueError("boom")
-    assert engine.outcome(job, other) is other
+    full = OSError("no room")
+    assert engine.outcome(job, full) is full
+    other = engine.outcome(job, ValueError("boom\nbang"))
+    assert isinstance(other, JobError)
+    assert str(other) == "a worker of the cluster: ValueError: boom bang"
+
+
+def test_a_cluster_without_workers_does_not_keep_a_build_waiting(
+    small_mission: Mission, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("database.engines.LONELY", 0.2)
+    monkeypatch.setattr("database.schedule.LOOK", 0.1)
+    nobody = distributed.LocalCluster(n_workers=0, processes=True, dashboard_address=":0")
+    with (
+        nobody as cluster,
+        distributed.Client(cluster) as client,
+        pytest.raises(BuildError, match=r"no workers for 0\.2 s; start some, .*run the same build"),
+    ):
+        database.build(small_mission, tmp_path / "a.h5", client=client)
+
+
+def test_a_worker_that_cannot_import_the_package_is_named(
+    small_mission: Mission, tmp_path: Path, client: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    elsewhere = "__import__('importlib.util').util.find_spec('database_elsewhere') is not None"
+    monkeypatch.setattr("database.engines.IMPORTABLE", elsewhere)
+    with pytest.raises(BuildError, match=r"the worker tcp.* cannot import ampi; install it there"):
+        database.build(small_mission, tmp_path / "a.h5", client=client)
 
 
 def test_a_job_of_a_build_given_up_cannot_mix_its_result_into_the_next(

@@ -11,7 +11,7 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from pathlib import Path
@@ -30,7 +30,8 @@ from database.campaign import Campaign
 from database.continuation import layers
 from database.grid import Grid
 from database.jobs import SolveCase
-from database.records import FINGERPRINTS, load_record
+from database.provenance import software
+from database.records import FINGERPRINTS, record_path
 from database.stand_in import neighbour_moved
 from database.supervisor import Supervisor
 
@@ -219,6 +220,98 @@ def test_workers_import_nothing_from_the_present_folder(
     assert Path("a.h5").read_bytes() == undisturbed
 
 
+def test_an_attempt_that_was_stopped_meanwhile_is_begun_once_more(
+    small_mission: Mission, misbehaving: ModuleType, undisturbed: bytes, tmp_path: Path
+) -> None:
+    """The alarm's clock runs on while an operator or a queue has the processes stopped."""
+    path = tmp_path / "a.h5"
+    options: dict[str, Any] = {"solver": misbehaving.stopped_once, "n_jobs": 1}
+    (tmp_path / "stop").touch()
+    os.environ["AMPI_TEST_GATE"] = str(tmp_path)
+    try:
+        report = database.build(small_mission, path, time_limit=1.0, **options)
+    finally:
+        del os.environ["AMPI_TEST_GATE"]
+    assert (report.solved, (tmp_path / "stop").exists()) == (9, False)
+    messages = [m.decode() for m in read_dataset(path).message.ravel()]
+    assert not any("time limit" in m or "in 4 step(s)" in m for m in messages)
+
+
+def test_what_an_optimiser_has_started_ends_with_it(
+    small_mission: Mission, misbehaving: ModuleType, tmp_path: Path
+) -> None:
+    """A child keeps the worker's pipe open: nobody would notice that the worker has ended."""
+    path = tmp_path / "a.h5"
+    one_axis = small_mission.toml.replace("flight_path_angle_deg = [-0.5, 0.0, 0.5]", "")
+    began = time.monotonic()
+    report = database.build(
+        parse_mission(one_axis), path, solver=misbehaving.hangs_with_a_child, time_limit=0.5
+    )
+    assert report.solved == 2
+    assert time.monotonic() - began < misbehaving.CHILDHOOD
+
+
+def test_two_lost_records_are_solved_before_what_starts_from_them(
+    small_mission: Mission, undisturbed: bytes, tmp_path: Path
+) -> None:
+    """The nominal case and a corner, with all that lies between them kept."""
+    path, folder = tmp_path / "a.h5", partial_folder(tmp_path / "a.h5")
+    with pytest.raises(ZeroDivisionError):
+        database.build(
+            small_mission, path, n_jobs=1, solver=neighbour_moved, advance=at(9, lambda: 1 // 0)
+        )
+    for case in (0, 4):
+        record = record_path(folder, case)
+        record.write_bytes(record.read_bytes()[:-1] + b"?")
+    report = database.build(small_mission, path, n_jobs=2, solver=neighbour_moved)
+    assert (report.resumed, report.solved) == (7, 9)
+    assert path.read_bytes() == undisturbed
+
+
+def test_records_that_cannot_be_read_stop_the_build_and_stay(
+    small_mission: Mission, undisturbed: bytes, tmp_path: Path
+) -> None:
+    path, folder = tmp_path / "a.h5", partial_folder(tmp_path / "a.h5")
+    with pytest.raises(ZeroDivisionError):
+        database.build(
+            small_mission, path, n_jobs=1, solver=neighbour_moved, advance=at(5, lambda: 1 // 0)
+        )
+    kept = record_path(folder, 4)
+    kept.rename(tmp_path / "away")
+    kept.symlink_to(kept)  # a loop: for root as for anybody
+    with pytest.raises(
+        BuildError, match=r"case_000004\.rec: Too many levels.*finished cases are kept"
+    ):
+        database.build(small_mission, path, n_jobs=1, solver=neighbour_moved)
+    kept.unlink()
+    (tmp_path / "away").rename(kept)
+    assert database.build(small_mission, path, n_jobs=1, solver=neighbour_moved).resumed >= 5
+    assert path.read_bytes() == undisturbed
+
+
+def at(place: int, then: Callable[[], object]) -> Callable[[int], None]:
+    """Calls `then` once so many cases are finished."""
+    done = 0
+
+    def advance(count: int) -> None:
+        nonlocal done
+        done += count
+        if count and done >= place:
+            then()
+
+    return advance
+
+
+def test_sources_that_change_during_a_build_are_found_out(
+    small_mission: Mission, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Workers import them as they are now, and the file would name those of the beginning."""
+    before = {**software(), "source_sha256": "as it was"}
+    monkeypatch.setattr("database.supervisor.software", lambda: before)
+    with pytest.raises(BuildError, match=r"a new worker process has source_sha256 .* as it was"):
+        database.build(small_mission, tmp_path / "a.h5")
+
+
 @contextmanager
 def small_disk(folder: Path, options: str) -> Iterator[Path]:
     """A file system of its own, where the system lets us mount one."""
@@ -382,14 +475,14 @@ def test_one_damaged_label_costs_nothing_and_two_are_told(
             solver=neighbour_moved,
             advance=lambda n: 1 // 0 if n else None,
         )
-    assert load_record(partial_folder(path), 4, small_mission) is not None
+    nominal = record_path(partial_folder(path), 4).read_bytes()
     labels = [partial_folder(path) / name for name in FINGERPRINTS]
     whole = labels[0].read_text()
     labels[0].write_text(whole.replace("shefex3", "shefex4"))
     labels[1].write_text("")
     with pytest.raises(BuildError, match=r"neither build.json nor build.copy.json can be read"):
         database.build(small_mission, path, n_jobs=1, solver=neighbour_moved)
-    assert load_record(partial_folder(path), 4, small_mission) is not None
+    assert record_path(partial_folder(path), 4).read_bytes() == nominal
     labels[1].write_text(whole)
     assert database.build(small_mission, path, n_jobs=1, solver=neighbour_moved).resumed == 1
 

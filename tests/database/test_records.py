@@ -8,16 +8,18 @@ from pathlib import Path
 
 import pytest
 
-from ampi.missions.mission import Mission, parse_mission
+from ampi.missions.mission import Mission
 from database.attempts import no_trajectory
 from database.lock import exclusive
 from database.records import (
+    FINGERPRINTS,
     CaseRecord,
     keeping,
     keeping_block,
     keeping_records,
     load_block,
     load_record,
+    read_fingerprint,
     record_path,
 )
 
@@ -66,16 +68,26 @@ def test_a_disk_that_refuses_leaves_no_open_files_and_no_parts(
     assert names(Path("/proc/self/fd")) == files
 
 
-def test_a_record_is_of_its_mission_and_of_its_case(small_mission: Mission, tmp_path: Path) -> None:
+def test_a_record_is_of_its_build_and_of_its_case(small_mission: Mission, tmp_path: Path) -> None:
     """What a cluster's job of a build that was given up leaves in the folder of the next one."""
     record = CaseRecord(3, no_trajectory(small_mission.pseudospectral_mesh), "nothing", 0, 0.0)
-    keeping_records(tmp_path, [record], small_mission)()
-    assert load_record(tmp_path, 3, small_mission) is not None
-    other = parse_mission(small_mission.toml.replace("mass_kg = 500.0", "mass_kg = 490.0"))
-    assert other.vehicle.mass != small_mission.vehicle.mass
-    assert load_record(tmp_path, 3, other) is None
+    keeping_records(tmp_path, [record], "this build")()
+    assert load_record(tmp_path, 3, small_mission, "this build") is not None
+    assert load_record(tmp_path, 3, small_mission, "another") is None
     record_path(tmp_path, 3).rename(record_path(tmp_path, 4))
-    assert load_record(tmp_path, 4, small_mission) is None
+    assert load_record(tmp_path, 4, small_mission, "this build") is None
+
+
+def test_a_record_that_cannot_be_read_is_not_taken_for_a_damaged_one(
+    small_mission: Mission, tmp_path: Path
+) -> None:
+    """It may be whole: another user's, or a disk that is away for a moment."""
+    record_path(tmp_path, 3).mkdir()
+    with pytest.raises(OSError, match="Is a directory"):
+        load_record(tmp_path, 3, small_mission, "this build")
+    (tmp_path / FINGERPRINTS[0]).mkdir()
+    with pytest.raises(OSError, match="Is a directory"):
+        read_fingerprint(tmp_path)
 
 
 def test_a_block_is_of_its_build(tmp_path: Path) -> None:

@@ -17,7 +17,6 @@ from database.campaign import Campaign
 from database.continuation import PlannedCase, layers
 from database.jobs import AssembleBlock, SolveCase, SolveTogether
 from database.plan import planned_jobs
-from database.records import load_record
 from database.supervisor import Supervisor
 
 BYTES = ("states", "bank_rate", "final_time", "cost", "target_multipliers", "status")
@@ -36,7 +35,7 @@ def plan(campaign: Campaign) -> list[PlannedCase]:
 
 
 def numbers(campaign: Campaign, case: int) -> dict[str, object]:
-    record = load_record(campaign.folder, case, campaign.mission)
+    record = campaign.record(case)
     assert record is not None
     found: dict[str, object] = {
         name: value.tobytes() if hasattr(value, "tobytes") else value
@@ -107,7 +106,7 @@ class Deadly(SolveTogether):
 def test_portions_follow_the_width_and_other_optimisers_go_alone(small_mission: Mission) -> None:
     text = small_mission.toml + "azimuth_deg = [-0.5, 0.0, 0.5]\n"
     campaign = Campaign(text, Path("nowhere"))
-    jobs, needs = planned_jobs(campaign, kept=(), width=4)
+    jobs, needs = planned_jobs(campaign, kept=set(), width=4)
     portions = [job for job in jobs.values() if isinstance(job, SolveTogether)]
     cases = [planned.case for job in portions for planned in job.planned]
     assert sorted(cases) == sorted(p.case for p in plan(campaign))
