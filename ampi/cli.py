@@ -19,6 +19,7 @@ from rich.console import Console
 from rich.table import Table
 
 from ampi.missions.mission import Mission, load_mission
+from ampi.outputs import FIGURES, check_folder, check_output
 from ampi.progress import progress
 from ampi.trajectory import Trajectory
 
@@ -28,7 +29,8 @@ app = typer.Typer(
     add_completion=False,
     pretty_exceptions_enable=False,
 )
-out = Console(highlight=False, soft_wrap=True)
+# where there is no terminal nobody knows how wide it is, and no number may be cut
+out = Console(highlight=False, soft_wrap=True, width=None if sys.stdout.isatty() else 160)
 error_out = Console(stderr=True, highlight=False, soft_wrap=True)
 
 Jobs = Annotated[int, typer.Option("--jobs", "-j", min=1, help="Worker processes.")]
@@ -97,6 +99,8 @@ def solve(
     from ampi.simulation.reintegration import reintegrate
 
     with _told():
+        check_output(table)
+        check_output(plot, *FIGURES)
         loaded = load_mission(mission)
         guess = None if bank_angle is None else ConstantBank(float(np.radians(bank_angle)))
         refinement = RefinementSettings() if refined else None
@@ -226,7 +230,8 @@ def build(
             )
             raise typer.Exit(130) from None
     if as_json:
-        _print_json({k: str(v) if isinstance(v, Path) else v for k, v in vars(report).items()})
+        numbers = {k: str(v) if isinstance(v, Path) else v for k, v in vars(report).items()}
+        _print_json({**numbers, "doubts": report.doubts})
     else:
         out.print(
             f"{_escaped(report.path)}: {report.solved} of {report.cases} cases solved in "
@@ -237,6 +242,8 @@ def build(
         )
         for failure in report.failures:
             error_out.print(f"not solved: {_escaped(failure)}")
+        for doubt in report.doubts:
+            error_out.print(f"warning: {_escaped(doubt)}")
     if report.solved < report.cases:
         raise typer.Exit(1)
 
@@ -284,6 +291,7 @@ def rerun(
             out.print(_convergence_table(result.trajectory))
 
     with _told():
+        check_output(output, *FIGURES)
         found = rerun_case(path, case, watch=None if as_json else show)
         if output is not None and np.isfinite(found.trajectory.final_time):
             _write_trajectory(found.mission, found.trajectory, None, output)
@@ -323,7 +331,7 @@ def verify(path: DatabaseArgument, as_json: Json = False) -> None:
 def audit(
     path: DatabaseArgument,
     probes: Annotated[int, typer.Option(min=0, help="Random points to solve.")] = 100,
-    seed: Annotated[int, typer.Option(help="Seed of the random points.")] = 2016,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of the random points.")] = 2016,
     mend: Annotated[
         bool, typer.Option("--repair", help="First re-solve the cases that stand out.")
     ] = False,
@@ -339,6 +347,7 @@ def audit(
     from database.repair import repair
 
     with _told():
+        check_folder(figures)
         repairs = repair(path, n_jobs=jobs) if mend else ()
         dataset = read_dataset(path)
         with progress("auditing", int(dataset.solved.sum()) + probes) as advance:
@@ -529,8 +538,12 @@ def guide(
     from ampi.dataset import read_dataset
     from ampi.loading import load_guidance
     from ampi.missions.parameters import measured_values
+    from ampi.onboard.reference import Mode
 
     with _told():
+        check_output(table)
+        check_output(plot, *FIGURES)
+        chosen = _choice(Mode, mode, "--mode")
         loaded = read_dataset(path).mission
         options = {
             "altitude_km": altitude_km,
@@ -541,9 +554,12 @@ def guide(
             "azimuth_deg": azimuth_deg,
         }
         given = {key: value for key, value in options.items() if value is not None}
-        given |= dict(_key_and_value(text) for text in parameter or [])
+        for key, value in map(_key_and_value, parameter or []):
+            if key in given:
+                raise ValueError(f"{key}: given twice")
+            given[key] = value
         measured = measured_values(loaded, loaded.parameters, given)
-        reference = load_guidance(path, mode=mode).reference(measured)
+        reference = load_guidance(path, mode=chosen).reference(measured)
         if table is not None:
             _write_csv(table, reference.times, reference.states, reference.bank_rate)
         if plot is not None:
@@ -573,6 +589,14 @@ def guide(
         out.print(f"outside the hypercube in {', '.join(outside)}: boundary trajectory")
 
 
+def _choice(kind: Any, text: str, option: str) -> Any:
+    """The member of an enumeration with this value."""
+    values = [member.value for member in kind]
+    if text not in values:
+        raise ValueError(f"{option}: expected one of {', '.join(values)}, got {text!r}")
+    return kind(text)
+
+
 def _key_and_value(text: str) -> tuple[str, float]:
     key, _, value = text.partition("=")
     try:
@@ -588,7 +612,7 @@ def fly(
     modes: Annotated[
         str, typer.Option(help="Comma-separated: nominal, mpi, ampi, quadratic.")
     ] = "nominal,mpi,ampi,quadratic",
-    seed: Annotated[int, typer.Option(help="Seed of the campaign.")] = 2016,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of the campaign.")] = 2016,
     distribution: Annotated[str, typer.Option(help="normal, uniform or corners.")] = "normal",
     output: Annotated[Path | None, typer.Option(help="Keep the flights (.npz) for report.")] = None,
     jobs: Jobs = CORES,
@@ -605,10 +629,12 @@ def fly(
     from ampi.simulation.statistics import judge, ratio_to_nominal
 
     with _told():
+        check_output(output)
         mission = read_dataset(path).mission
         guidance = load_guidance(path)
-        chosen = [Mode(name.strip()) for name in modes.split(",")]
-        dispersions = Dispersions.from_mission(mission, Distribution(distribution))
+        chosen = [_choice(Mode, name.strip(), "--modes") for name in modes.split(",")]
+        law = _choice(Distribution, distribution, "--distribution")
+        dispersions = Dispersions.from_mission(mission, law)
         campaigns = {}
         with progress("flying", n * len(chosen)) as advance:
             for mode in chosen:
@@ -647,6 +673,7 @@ def report(
     from ampi.simulation.monte_carlo import load_campaigns
 
     with _told():
+        check_output(output)
         dataset = read_dataset(path)
         loaded = load_campaigns(campaigns)
         for flights in loaded.values():
@@ -683,14 +710,15 @@ def reproduce(
     as_json: Json = False,
 ) -> None:
     """Print the tables of the optimiser papers: paper, ours by the same method, ours by our method."""
+    from ampi.report import reproduction_figures
     from ampi.report.reproduction import PAPERS
-    from ampi.report.reproduction_figures import FIGURES
 
     chosen = papers or list(PAPERS)
     with _told():
         for name in chosen:
             if name not in PAPERS:
                 raise ValueError(f"paper: expected one of {', '.join(PAPERS)}, got {name!r}")
+        check_folder(output)
         if output is not None:
             output.mkdir(parents=True, exist_ok=True)
         found = {}
@@ -699,7 +727,7 @@ def reproduce(
                 found[name] = PAPERS[name](skip_slow)
                 advance(1)
                 if output is not None:
-                    FIGURES[name](found[name]).savefig(output / f"{name}.png")
+                    reproduction_figures.FIGURES[name](found[name]).savefig(output / f"{name}.png")
     if as_json:
         _print_json({name: result.as_dict() for name, result in found.items()})
         return

@@ -33,7 +33,7 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
-from ampi.missions.mission import Mission, parse_mission
+from ampi.missions.mission import Mission, MissionError, parse_mission
 from ampi.trajectory import Statistics, Status, Trajectory
 
 Array = NDArray[np.float64]
@@ -152,6 +152,8 @@ def read_dataset(path: str | Path) -> TrajectoryDataset:
         If the file is absent, half-built, damaged, or of another schema; the message says which.
     """
     path = Path(path)
+    if path.is_dir():
+        raise DatasetError(f"{path}: expected a file, got a folder")
     if not path.is_file():
         if partial_folder(path).is_dir():
             raise DatasetError(
@@ -163,7 +165,9 @@ def read_dataset(path: str | Path) -> TrajectoryDataset:
     try:
         with h5py.File(path, "r") as file:
             return _read_checked(file, path)
-    except (OSError, KeyError, RuntimeError, UnicodeDecodeError, zlib.error) as error:
+    except (DatasetError, MissionError):
+        raise
+    except (OSError, KeyError, RuntimeError, TypeError, ValueError, zlib.error) as error:
         raise DatasetError(
             f"{path}: not a readable trajectory database, or damaged ({error}); rebuild it"
         ) from None
@@ -215,12 +219,17 @@ def _refuse_broken_seal(path: Path) -> None:
         )
 
 
+def is_this_schema(version: object) -> bool:
+    """Whether a file's `schema_version` is the one that this module reads."""
+    return isinstance(version, int | np.integer) and int(version) == SCHEMA_VERSION
+
+
 def check_whole(file: h5py.File, path: Path) -> None:
     """Raise DatasetError unless an open file is a whole database of this schema."""
     version = file.attrs.get("schema_version")
     if version is None:
         raise DatasetError(f"{path}: an HDF5 file, but not a trajectory database")
-    if str(version) != str(SCHEMA_VERSION):
+    if not is_this_schema(version):
         raise DatasetError(
             f"{path}: schema version {version}, this ampi reads version {SCHEMA_VERSION}; read it "
             f"with the ampi that wrote it, {file.attrs.get('ampi_version', '?')} (git revision "

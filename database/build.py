@@ -29,6 +29,7 @@ import numpy as np
 from ampi.dataset import TrajectoryDataset, partial_folder, stored_mission
 from ampi.missions.mission import Mission
 from ampi.scp.capabilities import check
+from ampi.scp.problem import OptimalControlProblem
 from ampi.scp.solve import solve
 from ampi.trajectory import Status, Trajectory
 from database.blocks import Block, blocks
@@ -56,6 +57,8 @@ from database.records import (
 from database.schedule import run_jobs
 from database.writer import write_database
 
+DOUBTFUL_POSITION = 50.0  # m, of a re-integrated flight
+DOUBTFUL_LIMIT = 1.005
 READABLE = 50  # characters of a setting, to be shown
 KNOWN_AT_ONCE = 256  # files open at the same time
 
@@ -79,6 +82,22 @@ class BuildReport:
     solve_seconds: float  # wall time up to the merge: solves and re-integrations
     worst_position_error: float  # m
     worst_limit: float  # greatest path constraint over its limit, between the nodes
+
+    @property
+    def doubts(self) -> tuple[str, ...]:
+        """Where re-integration contradicts what the optimiser calls solved: a mesh too coarse."""
+        found = []
+        if self.worst_position_error > DOUBTFUL_POSITION:
+            found.append(
+                f"a flight lies {self.worst_position_error:.3g} m from its optimum, expected at most "
+                f"{DOUBTFUL_POSITION:g} m"
+            )
+        if self.worst_limit > DOUBTFUL_LIMIT:
+            found.append(
+                f"a flight uses {100 * self.worst_limit:.4g} % of a limit, expected at most "
+                f"{100 * DOUBTFUL_LIMIT:g} %"
+            )
+        return tuple(f"{text}; refine the mesh (ampi solve --refine shows how)" for text in found)
 
 
 @dataclass(frozen=True, eq=False)
@@ -149,8 +168,7 @@ def build(
     path = Path(path)
     if not path.parent.is_dir():
         raise BuildError(f"path: the folder {path.parent} does not exist")
-    if solver is solve:
-        check(mission, "exact_hessian")
+    _refuse_unknown(mission, solver)
     _refuse_other_database(path, mission)
     folder = partial_folder(path.absolute())  # workers may stand elsewhere
     settings = gains or GainSettings()
@@ -335,6 +353,7 @@ def _told(folder: Path, path: Path) -> Iterator[None]:
 
 
 _WAYS_OUT = {
+    errno.ENOENT: "run the same build again, or choose another path",
     errno.ENOSPC: "make room and run the same build again",
     errno.EDQUOT: "make room and run the same build again",
     errno.EFBIG: "allow larger files and run the same build again",
@@ -345,8 +364,31 @@ _WAYS_OUT = {
 
 
 def _kept(folder: Path) -> str:
-    count = count_records(folder) if folder.is_dir() else 0
+    try:
+        count = count_records(folder)
+    except OSError:
+        return ""
     return f"{count} finished cases are kept in {folder}: " if count else ""
+
+
+def _refuse_unknown(mission: Mission, solver: Solver) -> None:
+    """What a case asks for the optimiser must know, and all must have the same rows of the target."""
+    rows = OptimalControlProblem.from_mission(mission).target.state
+    points = [mission.nominal_parameters]
+    for i, axis in enumerate(mission.grid_axes):
+        for value in axis:
+            points.append(mission.nominal_parameters)
+            points[-1][i] = value
+    for point in points:
+        there = mission.with_parameters(point)
+        if solver is solve:
+            check(there, "exact_hessian")
+        if not np.array_equal(OptimalControlProblem.from_mission(there).target.state, rows):
+            i = int(np.flatnonzero(point != points[0])[0])
+            raise BuildError(
+                f"grid.{mission.parameters[i].key}: expected a target of the same rows at every point, "
+                "got one row more or less where its weight is 0; leave out that point"
+            )
 
 
 def _refuse_other_database(path: Path, mission: Mission) -> None:

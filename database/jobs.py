@@ -109,7 +109,10 @@ class SolveTogether(Job):
             campaign.mission.with_parameters(campaign.grid.point(case)) for case, *_ in ready
         ]
         with stopped_after(campaign.time_limit * max(1, len(ready))):
-            found = solve_family(missions, [start for *_, start in ready])
+            try:
+                found = solve_family(missions, [start for *_, start in ready])
+            except Exception:  # one of them; alone each has its own log
+                found = [None] * len(ready)
         seconds = (time.perf_counter() - began) / max(1, len(ready))
         records = [
             CaseRecord(case, flown, f"{attempt}: {flown.status.sentence}", 1, seconds)

@@ -24,6 +24,8 @@ from database.campaign import Solver, as_built
 from database.error_map import CellError, best_cell, error_map
 from database.grid import Grid
 
+BEFORE = " of the grid before refinement: "
+
 
 @dataclass(frozen=True)
 class RefineReport:
@@ -101,6 +103,7 @@ def carried_over(
         index[i] = moved_to[index[i]]
         number = int(np.ravel_multi_index(index, new.shape))
         kept = KnownCase.of(dataset, int(case))
-        message = f"case {case} of the grid before refinement: {kept.message}"
+        first = kept.message.split(BEFORE)[-1]  # not a line more with every refinement
+        message = f"case {case}{BEFORE}{first}"
         known[number] = KnownCase(kept.trajectory, message)
     return known

@@ -32,6 +32,7 @@ from ampi.dataset import (
     DatasetError,
     axis_faults,
     content_digest,
+    is_this_schema,
     partial_folder,
     seal_holds,
 )
@@ -75,6 +76,7 @@ def verify(path: str | Path) -> Verification:
     if not path.is_file():
         unfinished = partial_folder(path).is_dir()
         state = "its build is not finished" if unfinished else "no such file"
+        state = "a folder" if path.is_dir() else state
         raise DatasetError(f"{path}: {state}, there is nothing to verify")
     with path.open("rb") as handle:
         sha256 = hashlib.file_digest(handle, "sha256").hexdigest()
@@ -152,7 +154,7 @@ def _check(file: h5py.File) -> Iterator[str]:
     if version is None:
         yield "schema: an HDF5 file, but not a trajectory database"
         return
-    if str(version) != str(SCHEMA_VERSION):
+    if not is_this_schema(version):
         yield (
             f"schema: version {version}, this ampi verifies version {SCHEMA_VERSION}; "
             f"use ampi {file.attrs.get('ampi_version', '?')}, which wrote the file"

@@ -21,7 +21,6 @@ from ampi.missions.family import MissionFamily
 from ampi.missions.parameters import (
     ENTRY_STATES,
     Parameter,
-    check_value,
     moved,
     parameter_values,
     resolve,
@@ -398,8 +397,9 @@ class Mission(Section):
             number = parameter.number
             value = number.nominal + offset * number.per_unit
             try:
-                check_value(self, number.path, value)
-                self._moved([(number.path, value)])._agrees()
+                there = self._moved([(number.path, value)])
+                getattr(there, number.path[0]).check()
+                there._agrees()
             except ValueError as error:
                 raise ValueError(f"grid.{parameter.key}: at offset {offset:g}: {error}") from None
         return self

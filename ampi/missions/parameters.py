@@ -17,11 +17,11 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from difflib import get_close_matches
-from typing import Annotated, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from pydantic import BaseModel, TypeAdapter, ValidationError
+from pydantic import BaseModel
 
 from ampi.missions.units import UNITS, Dimension, dimension_of, si_symbol
 
@@ -144,21 +144,6 @@ def resolve(mission: BaseModel, grid: Mapping[str, tuple[float, ...]]) -> tuple[
     return parameters
 
 
-def check_value(section: BaseModel, path: Path, value: float) -> None:
-    """Raise ValueError if the field at `path` does not admit `value` (SI)."""
-    for part in path[:-1]:
-        section = section[int(part)] if isinstance(section, tuple) else getattr(section, part)
-    if isinstance(section, tuple):
-        return  # a number of a list or a table: what it belongs to checks it as a whole
-    info = type(section).model_fields[path[-1]]
-    field: Any = Annotated[(info.annotation, *info.metadata)] if info.metadata else info.annotation
-    is_range = isinstance(getattr(section, path[-1]), tuple)
-    try:
-        TypeAdapter(field).validate_python((value, value) if is_range else value)
-    except ValidationError as error:
-        raise ValueError(f"{error.errors()[0]['msg']} (got {value!r} in SI units)") from None
-
-
 def moved(section: Any, path: Path, value: float) -> Any:
     """`section` with `value` (SI) at `path`, unchecked; it shares all that stays, itself included."""
     if not path:
@@ -197,13 +182,14 @@ def measured_values(
     Raises
     ------
     ValueError
-        Naming a key that is no parameter, or a value that is no finite number.
+        Naming a key that is no parameter, a number given twice, or a value that is not finite.
     """
     at = {parameter.name: i for i, parameter in enumerate(parameters)}
     numbers = [n for n in mission_numbers(mission) if n.name in at]
     known = {n.key: n for n in sorted(numbers, key=lambda n: at[n.name])}
     long = _by_whole_path(known.values())
     values = np.array([parameter.number.nominal for parameter in parameters])
+    seen: dict[str, str] = {}
     for key, value in given.items():
         number = known.get(key) or long.get(key)
         if number is None:
@@ -213,6 +199,9 @@ def measured_values(
             )
         if not np.isfinite(value):
             raise ValueError(f"{key}: expected a finite number, got {value}")
+        if number.name in seen:
+            raise ValueError(f"{key}: {number.name} is given already, as {seen[number.name]}")
+        seen[number.name] = key
         values[at[number.name]] = value * number.per_unit
     return values
 

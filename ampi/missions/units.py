@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from typing import Annotated, Any, get_args
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 from pydantic.fields import FieldInfo
 
 DEGREE = float(np.pi / 180.0)
@@ -72,10 +72,14 @@ def _convert(key: str, value: Any, factor: float) -> Any:
         raise ValueError(f"{key}: expected a number that fits a float") from None
 
 
+def si_key(dimension: str) -> str:
+    """The SI unit of a dimension as it stands in keys: m_per_s, W_per_m2."""
+    return next(unit for unit, factor in UNITS[dimension].items() if factor == 1.0)
+
+
 def si_symbol(dimension: str) -> str:
     """The SI unit of a dimension as it is printed: m/s, W/m2."""
-    symbol = next(unit for unit, factor in UNITS[dimension].items() if factor == 1.0)
-    return symbol.replace("_per_", "/").replace("per_", "1/")
+    return si_key(dimension).replace("_per_", "/").replace("per_", "1/")
 
 
 def dimension_of(info: FieldInfo) -> Dimension | None:
@@ -123,3 +127,30 @@ class Section(BaseModel):
                 came = near[0] if near else "nothing"
                 raise ValueError(f"{name}: expected {wanted} ({' or '.join(keys)}), got {came}")
         return data
+
+    def as_written(self) -> dict[str, Any]:
+        """What would make this section: its fields under keys in SI units."""
+        written: dict[str, Any] = {}
+        for name, info in type(self).model_fields.items():
+            value, dimension = getattr(self, name), dimension_of(info)
+            if value is None:
+                continue
+            if isinstance(value, Section):
+                value = value.as_written()
+            elif isinstance(value, tuple):
+                value = [v.as_written() if isinstance(v, Section) else v for v in value]
+            written[f"{name}_{si_key(dimension.name)}" if dimension else name] = value
+        return written
+
+    def check(self) -> None:
+        """Raise ValueError if no mission file could have made this section."""
+        try:
+            type(self).model_validate(self.as_written())
+        except ValidationError as error:
+            fault = error.errors()[0]
+            where = ".".join(str(part) for part in fault["loc"])
+            got = (
+                "" if isinstance(fault["input"], dict) else f" (got {fault['input']!r} in SI units)"
+            )
+            message = fault["msg"].removeprefix("Value error, ")
+            raise ValueError(f"{where + ': ' if where else ''}{message}{got}") from None

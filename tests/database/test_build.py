@@ -11,7 +11,7 @@ import pytest
 import database
 from ampi.dataset import DatasetError, partial_folder, read_dataset
 from ampi.loading import load_guidance
-from ampi.missions.mission import Mission, parse_mission
+from ampi.missions.mission import Mission, load_mission, parse_mission
 from ampi.trajectory import Status, Trajectory
 from database.build import BuildError
 from database.campaign import Campaign, JobError
@@ -143,6 +143,36 @@ def test_no_case_is_solved_without_a_neighbour_that_was_lost(
     assert campaign.record(there) is not None
     with pytest.raises(JobError, match=rf"case_{lost:06d}\.rec has disappeared or changed"):
         SolveCase(campaign, corner).run(lambda attempt: None)
+
+
+@pytest.mark.parametrize(
+    ("axis", "message"),
+    [
+        (
+            "limits.bank_angle_minimum_deg = [0, 20]",
+            "bank_angle_minimum: asked for by mission shef",
+        ),
+        ("objective.altitude_weight_per_m2 = [-1e-4, 0]", r"weight is 0; leave out that point"),
+    ],
+)
+def test_what_a_point_of_the_grid_asks_for_is_known_before(
+    small_mission: Mission, tmp_path: Path, axis: str, message: str
+) -> None:
+    """Each was taken for the nominal problem, or ended the build in the middle."""
+    others, _, _ = small_mission.toml.partition("[grid]")
+    mission = parse_mission(f"{others}[grid]\n{axis}\n")
+    with pytest.raises(ValueError, match=message):
+        database.build(mission, tmp_path / "a.h5")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_flights_far_from_their_optima_are_doubted(tmp_path: Path) -> None:
+    """The mesh of this mission is made for another method: re-integration contradicts the optimum."""
+    text = load_mission("rlv_liu2024").toml + "\n[grid]\ndensity_factor = [0, 0.02]\n"
+    report = database.build(parse_mission(text), tmp_path / "a.h5")
+    assert report.solved == 2
+    assert report.worst_position_error > 50.0
+    assert "m from its optimum, expected at most 50 m; refine the mesh" in report.doubts[0]
 
 
 def test_an_existing_file_survives_a_failed_rebuild(

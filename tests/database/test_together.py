@@ -135,3 +135,15 @@ def test_many_flight_models_are_solved_one_by_one(small_mission: Mission) -> Non
     many = Campaign(f"{few.toml}drag_factor = [-0.1, 0.0, 0.1]\n", Path("nowhere"))
     assert few.together
     assert not many.together
+
+
+def test_what_cannot_be_solved_together_is_left_to_be_tried_alone(
+    campaign: Campaign, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def raises(*arguments: object) -> None:
+        raise FloatingPointError("one of them")
+
+    planned = tuple(layers(campaign.grid)[1])
+    monkeypatch.setattr("database.jobs.solve_family", raises)
+    SolveTogether(campaign, planned).run(lambda attempt: None)
+    assert [campaign.record(p.case) for p in planned] == [None] * len(planned)

@@ -147,8 +147,19 @@ def test_fly_and_report(folder: Path) -> None:
             "altitude_km: expected a parameter of this mission (speed_m_per_s, speed_km_per_s, ",
         ),
         (("guide", "small.h5", "-p", "speed_m_per_s"), "--parameter: expected KEY=NUMBER"),
-        (("guide", "small.h5", "--mode", "best"), "'best' is not a valid Mode"),
-        (("fly", "small.h5", "--distribution", "cauchy"), "'cauchy' is not a valid Distribution"),
+        (("guide", "small.h5", "--mode", "best"), "--mode: expected one of nominal, mpi"),
+        (("guide", "small.h5", "-p", "speed_m_per_s=1", "-p", "speed_m_per_s=2"), "given twice"),
+        (("fly", "small.h5", "--modes", "ampi,best"), "quadratic, got 'best'"),
+        (("fly", "small.h5", "--distribution", "cauchy"), "uniform, corners, got 'cauchy'"),
+        (("fly", "small.h5", "--output", "absent/f.npz"), "f.npz: the folder "),
+        (("fly", "small.h5", "--output", "small.h5"), "small.h5 is a trajectory database; nothing"),
+        (("guide", "small.h5", "--csv", "small.h5"), "small.h5 is a trajectory database; nothing"),
+        (("report", "small.h5", "f.npz", "--output", "small.h5"), "small.h5 is a trajectory data"),
+        (("solve", "small.toml", "--csv", "small.toml"), "small.toml is a mission file; nothing"),
+        (("solve", "shefex3", "--plot", "a.abc"), "a.abc: expected a name that ends in .png, .pdf"),
+        (("audit", "small.h5", "--figures", "small.toml"), "small.toml: expected a folder, got a"),
+        (("audit", "."), ".: expected a file, got a folder"),
+        (("verify", "."), ".: a folder, there is nothing to verify"),
         (("report", "small.h5", "absent.npz"), "absent.npz"),
     ],
 )
@@ -156,6 +167,17 @@ def test_misuse_is_one_sentence(folder: Path, arguments: tuple[str, ...], messag
     done = run(*arguments, cwd=folder, code=2)
     assert message in done.stderr
     assert done.stderr.startswith("error:")
+
+
+def test_no_misuse_has_cost_an_input(folder: Path) -> None:
+    assert "whole" in run("verify", "small.h5", cwd=folder).stdout
+    load_mission(folder / "small.toml")
+
+
+def test_no_number_is_cut_where_there_is_no_terminal(folder: Path) -> None:
+    for command in (("rerun", "small.h5", "0"), ("audit", "small.h5", "--probes", "2")):
+        told = run(*command, cwd=folder).stdout
+        assert not re.search(r"\S…", told), told  # "0 … 70" is a cell
 
 
 def test_a_target_out_of_reach_is_a_status(tmp_path: Path) -> None:

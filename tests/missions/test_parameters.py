@@ -221,9 +221,17 @@ REFUSED = {
         'density_factor = [0.0, "0.1"]',
         "grid: density_factor: expected a number, got '0.1'",
     ),
+    "a limit that meets its opposite": (
+        "limits.bank_angle_minimum_deg = [0, 60]",
+        "grid.limits.bank_angle_minimum_deg: at offset 60: bank_angle_minimum: expected less than",
+    ),
+    "the only term of the objective taken away": (
+        "objective.bank_rate_effort = [-1e-5, 0]",
+        "grid.objective.bank_rate_effort: at offset -1e-05: expected at least one term",
+    ),
     "a value that the field refuses": (
         "density_factor = [-1.0, 0.0]",
-        "grid.density_factor: at offset -1: Input should be greater than 0 (got 0.0 in SI units)",
+        "grid.density_factor: at offset -1: density_factor: Input should be greater than 0 (got 0.0 in",
     ),
     "a value that the vehicle refuses": (
         "vehicle.angle_of_attack.start = [0.0, 40.0]",
@@ -279,6 +287,21 @@ def test_measured_values_take_keys_in_any_unit(many: Mission) -> None:
 def test_keys_in_full_are_measured_too(many: Mission) -> None:
     values = measured_values(many, many.parameters, {"entry.speed_km_per_s": 4.7})
     assert values[0] == pytest.approx(4700.0)
+
+
+def test_a_range_may_not_be_turned_inside_out() -> None:
+    others, _, _ = load_mission("rlv_liu2024").toml.partition("[grid]")
+    others = others.replace("azimuth_deg = 90.0", "azimuth_deg = [60.0, 95.0]")
+    with pytest.raises(MissionError, match=r"at offset 90: azimuth: expected a number or \[least"):
+        parse_mission(f'{others}[grid]\n"target.azimuth.0_deg" = [0, 90]\n')
+
+
+def test_a_number_measured_twice_is_refused(many: Mission) -> None:
+    given = {"speed_m_per_s": 4700.0, "speed_km_per_s": 4.8}
+    with pytest.raises(
+        ValueError, match=r"speed_km_per_s: speed is given already, as speed_m_per_s"
+    ):
+        measured_values(many, many.parameters, given)
 
 
 # an axis of rlv_liu2024, where its number stands, and what stands there at its first point
