@@ -8,16 +8,15 @@ file carries the text, comments and all.
 from __future__ import annotations
 
 from bisect import bisect
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import tomlkit
 
 from ampi.dataset import TrajectoryDataset, read_dataset
-from ampi.missions.mission import Mission, parse_mission
+from ampi.missions.mission import Mission, leaves, parse_mission
 from ampi.scp.solve import solve
 from database.build import BuildReport, KnownCase, build
 from database.campaign import Solver, as_built
@@ -76,18 +75,9 @@ def with_point(mission: Mission, parameter: str, offset: float) -> Mission:
     """The mission with `offset` (in the unit of the axis' key) added to an axis of its grid."""
     axis = next(p for p in mission.parameters if p.name == parameter)
     document = tomlkit.parse(mission.toml)
-    offsets = next(array for key, array in _axes(document["grid"]) if key == axis.key)
+    offsets = next(array for key, array in leaves(document["grid"]) if key == axis.key)
     offsets.insert(bisect(axis.offsets, offset), offset)
     return parse_mission(tomlkit.dumps(document), label=f"{mission.name}, refined")
-
-
-def _axes(table: Mapping[str, Any], path: str = "") -> Iterator[tuple[str, Any]]:
-    """Dotted key and array of every axis, in sub-tables too."""
-    for key, value in table.items():
-        if isinstance(value, Mapping):
-            yield from _axes(value, f"{path}{key}.")
-        else:
-            yield f"{path}{key}", value
 
 
 def carried_over(

@@ -338,7 +338,7 @@ class GridSection(Section):
     def _axes_increase(cls, data: Any) -> Any:
         if not isinstance(data, dict):
             return data
-        offsets = dict(_leaves(data))
+        offsets = dict(leaves(data))
         for key, axis in offsets.items():
             if not isinstance(axis, list | tuple):
                 raise ValueError(f"{key}: expected a list of offsets, got {axis!r}")
@@ -356,11 +356,11 @@ class GridSection(Section):
         return {"offsets": offsets}
 
 
-def _leaves(table: Mapping[str, Any], path: str = "") -> Iterator[tuple[str, Any]]:
+def leaves(table: Mapping[str, Any], path: str = "") -> Iterator[tuple[str, Any]]:
     """Dotted path and value of every leaf: `target.longitude_deg` quoted or not, TOML allows both."""
     for key, value in table.items():
         if isinstance(value, dict):
-            yield from _leaves(value, f"{path}{key}.")
+            yield from leaves(value, f"{path}{key}.")
         else:
             yield f"{path}{key}", value
 

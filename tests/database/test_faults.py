@@ -256,10 +256,7 @@ def test_two_lost_records_are_solved_before_what_starts_from_them(
 ) -> None:
     """The nominal case and a corner, with all that lies between them kept."""
     path, folder = tmp_path / "a.h5", partial_folder(tmp_path / "a.h5")
-    with pytest.raises(ZeroDivisionError):
-        database.build(
-            small_mission, path, n_jobs=1, solver=neighbour_moved, advance=at(9, lambda: 1 // 0)
-        )
+    interrupted(small_mission, path, after=9)
     for case in (0, 4):
         record = record_path(folder, case)
         record.write_bytes(record.read_bytes()[:-1] + b"?")
@@ -272,10 +269,7 @@ def test_records_that_cannot_be_read_stop_the_build_and_stay(
     small_mission: Mission, undisturbed: bytes, tmp_path: Path
 ) -> None:
     path, folder = tmp_path / "a.h5", partial_folder(tmp_path / "a.h5")
-    with pytest.raises(ZeroDivisionError):
-        database.build(
-            small_mission, path, n_jobs=1, solver=neighbour_moved, advance=at(5, lambda: 1 // 0)
-        )
+    interrupted(small_mission, path, after=5)
     kept = record_path(folder, 4)
     kept.rename(tmp_path / "away")
     kept.symlink_to(kept)  # a loop: for root as for anybody
@@ -435,28 +429,17 @@ def test_the_lock_of_a_dead_process_locks_nothing(small_mission: Mission, tmp_pa
         fcntl.flock(lock, fcntl.LOCK_EX)
 
 
-def interrupted(mission: Mission, path: Path) -> None:
-    """A build that ends after its first case."""
+def interrupted(mission: Mission, path: Path, after: int = 1) -> None:
+    """A build that ends after so many cases."""
     with pytest.raises(ZeroDivisionError):
         database.build(
-            mission,
-            path,
-            n_jobs=1,
-            solver=neighbour_moved,
-            advance=lambda count: 1 // 0 if count else None,
+            mission, path, n_jobs=1, solver=neighbour_moved, advance=at(after, lambda: 1 // 0)
         )
 
 
 def test_a_fresh_start_forgets_what_was_kept(small_mission: Mission, tmp_path: Path) -> None:
     path = tmp_path / "a.h5"
-    with pytest.raises(ZeroDivisionError):
-        database.build(
-            small_mission,
-            path,
-            n_jobs=1,
-            solver=neighbour_moved,
-            advance=lambda n: 1 // 0 if n else None,
-        )
+    interrupted(small_mission, path)
     with pytest.raises(BuildError, match=r"another build \(different solver \(database"):
         database.build(small_mission, path)
     report = database.build(small_mission, path, n_jobs=1, solver=neighbour_moved, resume=False)
@@ -467,14 +450,7 @@ def test_one_damaged_label_costs_nothing_and_two_are_told(
     small_mission: Mission, tmp_path: Path
 ) -> None:
     path = tmp_path / "a.h5"
-    with pytest.raises(ZeroDivisionError):
-        database.build(
-            small_mission,
-            path,
-            n_jobs=1,
-            solver=neighbour_moved,
-            advance=lambda n: 1 // 0 if n else None,
-        )
+    interrupted(small_mission, path)
     nominal = record_path(partial_folder(path), 4).read_bytes()
     labels = [partial_folder(path) / name for name in FINGERPRINTS]
     whole = labels[0].read_text()
