@@ -12,7 +12,6 @@ Whatever is finished is on disk (records); only the last step writes the file.
 from __future__ import annotations
 
 import errno
-import hashlib
 import pickle
 import shutil
 import time
@@ -33,15 +32,15 @@ from ampi.scp.problem import OptimalControlProblem
 from ampi.scp.solve import solve
 from ampi.trajectory import Status, Trajectory
 from database.blocks import Block, blocks
-from database.campaign import TIME_LIMIT, Campaign, JobError, Solver, lost
+from database.campaign import TIME_LIMIT, BuildError, Campaign, JobError, Solver, lost
+from database.claim import claim, fingerprint_of
 from database.engines import ClusterEngine, Engine, LocalEngine
 from database.gains import GainSettings
 from database.hdf5_file import decoded_block
 from database.lock import LockedError, exclusive
 from database.plan import case_name, planned_jobs
-from database.provenance import made_by, provenance
+from database.provenance import provenance
 from database.records import (
-    FINGERPRINTS,
     CaseRecord,
     block_path,
     count_records,
@@ -49,22 +48,15 @@ from database.records import (
     label_of,
     load_block,
     no_parts,
-    read_fingerprint,
     record_path,
     recorded_cases,
-    write_fingerprint,
 )
 from database.schedule import run_jobs
 from database.writer import write_database
 
 DOUBTFUL_POSITION = 50.0  # m, of a re-integrated flight
 DOUBTFUL_LIMIT = 1.005
-READABLE = 50  # characters of a setting, to be shown
 KNOWN_AT_ONCE = 256  # files open at the same time
-
-
-class BuildError(ValueError):
-    """A build that cannot start or go on; the message says what is in its way."""
 
 
 @dataclass(frozen=True)
@@ -187,7 +179,10 @@ def build(
         _engine(n_jobs, client) as engine,
     ):
         # while the workers import what they need
-        fingerprint = _claim(folder, _fingerprint(campaign, known or {}), mission, resume=resume)
+        taken_over = {case: found.trajectory for case, found in (known or {}).items()}
+        fingerprint = claim(
+            folder, fingerprint_of(campaign, taken_over), mission.toml, resume=resume
+        )
         campaign = replace(campaign, label=label_of(fingerprint))
         _keep_known(campaign, known or {})
         attributes = provenance(campaign, fingerprint)
@@ -398,63 +393,3 @@ def _refuse_other_database(path: Path, mission: Mission) -> None:
             f"{path} exists and is not a database of this mission ({mission.name}); "
             "nothing was overwritten: choose another path, or delete the file"
         )
-
-
-def _fingerprint(campaign: Campaign, known: Mapping[int, KnownCase]) -> dict[str, str]:
-    """All that the records of a build depend on."""
-    return {
-        "mission": campaign.mission.name,
-        "mission_sha256": hashlib.sha256(campaign.toml.encode()).hexdigest(),
-        **made_by(campaign),
-        "known_sha256": _digest(known),
-    }
-
-
-def _claim(
-    folder: Path, fingerprint: dict[str, str], mission: Mission, *, resume: bool
-) -> dict[str, str]:
-    """Mark the folder of records as this build's; refuse another's, or empty it.
-
-    What is returned is the fingerprint of the first run: the same sources may have another revision.
-    """
-    found = read_fingerprint(folder) if resume else None
-    if resume:
-        _refuse_other_build(folder, found, fingerprint)
-    if found is None:
-        discard_records(folder)
-        found = fingerprint
-    write_fingerprint(folder, found, mission.toml)
-    return found
-
-
-def _refuse_other_build(
-    folder: Path, found: dict[str, str] | None, fingerprint: dict[str, str]
-) -> None:
-    count = count_records(folder)
-    if found is None and count:
-        raise BuildError(
-            f"{folder}: neither {' nor '.join(FINGERPRINTS)} can be read, so nobody knows what its "
-            f"{count} finished cases belong to; put one of the two back, choose another path, or start "
-            "afresh with resume off"
-        )
-    differing = [
-        f"{key} ({found.get(key)} there, {value} here)" if len(value) < READABLE else key
-        for key, value in fingerprint.items()
-        if found is not None and found.get(key) != value and key != "git_revision"
-    ]
-    if differing:
-        raise BuildError(
-            f"{folder} holds cases of another build (different {', '.join(differing)}); "
-            "finish that build as it was begun, choose another path, or delete the folder to start "
-            "afresh"
-        )
-
-
-def _digest(known: Mapping[int, KnownCase]) -> str:
-    """Of the optima that are not to be solved: resumed with others, a build would mix the two."""
-    digest = hashlib.sha256()
-    for case in sorted(known):
-        flown = known[case].trajectory
-        digest.update(f"{case} {flown.final_time!r} {flown.cost!r}".encode())
-        digest.update(np.ascontiguousarray(flown.states).tobytes())
-    return digest.hexdigest() if known else "none"

@@ -21,6 +21,10 @@ MOST_MODELS = 16  # as many as a process keeps traced (scp.family_condensing)
 TIME_LIMIT = 60.0  # s for one solve: some 300 times what a hard one takes
 
 
+class BuildError(ValueError):
+    """A build that cannot start or go on; the message says what is in its way."""
+
+
 class JobError(RuntimeError):
     """A job that could not keep a result: the build cannot go on."""
 

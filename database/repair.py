@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 from ampi.dataset import partial_folder, read_dataset
 from ampi.scp.solve import solve
 from ampi.trajectory import Trajectory
-from database.build import BuildError, KnownCase, build
-from database.campaign import Solver, as_built
+from database.build import KnownCase, build
+from database.campaign import BuildError, Solver, as_built
 from database.coherence import Outlier, case_roughness, coherence, family_rows
 from database.grid import Grid
 

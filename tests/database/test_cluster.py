@@ -17,8 +17,7 @@ import database
 from ampi.dataset import partial_folder
 from ampi.missions.mission import Mission, parse_mission
 from ampi.trajectory import Status
-from database.build import BuildError
-from database.campaign import Campaign, JobError
+from database.campaign import BuildError, Campaign, JobError
 from database.continuation import layers
 from database.engines import ClusterEngine
 from database.grid import Grid

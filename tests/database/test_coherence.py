@@ -18,7 +18,8 @@ import database
 from ampi.dataset import DIGEST, TrajectoryDataset, partial_folder, read_dataset
 from ampi.loading import load_guidance
 from ampi.missions.mission import Mission, parse_mission
-from database.build import BuildError, KnownCase
+from database.build import KnownCase
+from database.campaign import BuildError
 from database.coherence import THRESHOLD, case_roughness, chord_misses, coherence, family_rows
 from database.gains import GainSettings
 from database.grid import Grid

@@ -25,8 +25,7 @@ import database
 from ampi.dataset import TrajectoryDataset, partial_folder, read_dataset
 from ampi.missions.mission import Mission, parse_mission
 from ampi.trajectory import Status
-from database.build import BuildError
-from database.campaign import Campaign
+from database.campaign import BuildError, Campaign
 from database.continuation import layers
 from database.grid import Grid
 from database.jobs import SolveCase

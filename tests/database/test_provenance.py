@@ -15,7 +15,7 @@ import pytest
 import database
 from ampi.missions.mission import Mission
 from database import provenance
-from database.build import BuildError
+from database.campaign import BuildError
 
 ROOT = Path(database.__file__).parents[1]
 ASK = "from database.provenance import git_revision; print(git_revision())"

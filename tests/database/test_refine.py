@@ -17,7 +17,8 @@ from ampi.missions.mission import Mission, parse_mission
 from ampi.onboard.reference import Mode
 from ampi.trajectory import Status, Trajectory
 from database.audit import nodal_reference
-from database.build import BuildError, KnownCase
+from database.build import KnownCase
+from database.campaign import BuildError
 from database.error_map import COLUMNS, CellError, best_cell, error_map
 from database.gains import GainSettings
 from database.refine import RefineReport, refine, with_point
