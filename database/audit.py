@@ -222,6 +222,8 @@ def _probe(
 
 def _holes_filled(dataset: TrajectoryDataset) -> TrajectoryDataset:
     """With the nominal case where there is none: a table that can be looked into, not flown."""
+    if dataset.solved.all():
+        return dataset
     centre = Grid.from_mission(dataset.mission).centre
     arrays = {}
     for name in ("states", "bank_rate", "gains", "final_time"):

@@ -241,9 +241,8 @@ class _Build:
         final_time = self.require_nominal(nominal).trajectory.final_time
         write_database(self.path, campaign, self.attributes, final_time, tally.count(self, parts))
         discard_records(campaign.folder)
-        shutil.rmtree(
-            campaign.folder, ignore_errors=True
-        )  # the file is whole; `exclusive` sees to it
+        # the file is whole; what is left `exclusive` sees to
+        shutil.rmtree(campaign.folder, ignore_errors=True)
         iterations = tally.iterations
         return BuildReport(
             path=self.path,

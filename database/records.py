@@ -270,14 +270,26 @@ def _unsealed(raw: bytes, mark: int) -> bytes:
 
 
 def read_fingerprint(folder: Path) -> dict[str, str] | None:
-    """What made the records of a folder; None if no copy of it is whole."""
+    """What made the records of a folder; None if no copy of it is whole.
+
+    Raises
+    ------
+    OSError
+        If no copy is whole, and one cannot be read.
+    """
+    unreadable: OSError | None = None
     for name in FINGERPRINTS:
         try:
             found = dict(json.loads((folder / name).read_text(encoding="utf-8")))
         except (FileNotFoundError, ValueError, TypeError):
             continue
+        except OSError as error:
+            unreadable = error
+            continue
         if found.pop("crc32", "") == _crc_of(found):
             return found
+    if unreadable is not None:
+        raise unreadable
     return None
 
 

@@ -22,9 +22,7 @@ from database.grid import Grid
 
 Array = NDArray[np.float64]
 
-MATERIALLY = (
-    0.9  # of the roughness that stands there: less than a tenth smoother is the same optimum
-)
+MATERIALLY = 0.9  # of the roughness there: what is less than a tenth smoother is the same optimum
 
 
 @dataclass(frozen=True)

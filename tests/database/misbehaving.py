@@ -67,13 +67,12 @@ def stopped_once(mission: Mission, *, guess: Trajectory | None = None) -> Trajec
     return moved(mission, guess)
 
 
-CHILDHOOD = 60.0  # s
-
-
 def hangs_with_a_child(mission: Mission, *, guess: Trajectory | None = None) -> Trajectory:
+    """Whoever waits until the child has ended by itself finds its mark."""
     if _fast(mission):
-        subprocess.Popen(["sleep", str(CHILDHOOD)])
-        time.sleep(CHILDHOOD)
+        mark = Path(os.environ["AMPI_TEST_GATE"]) / "grown up"
+        subprocess.Popen(["sh", "-c", f"sleep 20; touch '{mark}'"])
+        time.sleep(3600.0)
     return moved(mission, guess)
 
 

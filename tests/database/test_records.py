@@ -21,6 +21,7 @@ from database.records import (
     load_record,
     read_fingerprint,
     record_path,
+    write_fingerprint,
 )
 
 
@@ -88,6 +89,14 @@ def test_a_record_that_cannot_be_read_is_not_taken_for_a_damaged_one(
     (tmp_path / FINGERPRINTS[0]).mkdir()
     with pytest.raises(OSError, match="Is a directory"):
         read_fingerprint(tmp_path)
+
+
+def test_one_copy_of_the_fingerprint_is_enough(tmp_path: Path) -> None:
+    """The disk cannot read the first, be it damaged or out of reach."""
+    write_fingerprint(tmp_path, {"solver": "this one"}, "name = 'a'")
+    (tmp_path / FINGERPRINTS[0]).unlink()
+    (tmp_path / FINGERPRINTS[0]).mkdir()
+    assert read_fingerprint(tmp_path) == {"solver": "this one"}
 
 
 def test_a_block_is_of_its_build(tmp_path: Path) -> None:
