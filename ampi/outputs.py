@@ -1,9 +1,12 @@
-"""Files that a command is to write, looked at before the work and not after it."""
+"""Files that a command is to write: looked at before the work, given their name when they are whole."""
 
 from __future__ import annotations
 
 import os
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
+from uuid import uuid4
 
 FIGURES = (".png", ".pdf", ".svg")
 
@@ -44,3 +47,28 @@ def check_folder(path: Path | None) -> None:
     """Raise ValueError if figures could not be written to this folder; it need not exist."""
     if path is not None and path.exists() and not path.is_dir():
         raise ValueError(f"{path}: expected a folder, got a file")
+
+
+@contextmanager
+def written(path: str | Path) -> Iterator[Path]:
+    """A new name beside `path` to write to; it becomes `path` when the block ends, at once.
+
+    What fails leaves the file that was there, and nothing half written. Two processes that write the
+    same file each write their own: one of the two stays, whole.
+
+    Raises
+    ------
+    OSError
+        Naming `path`: no room, no permission.
+    """
+    target = Path(path).resolve()  # a link stays one
+    temporary = target.with_name(f".{uuid4().hex}{target.suffix}")
+    try:
+        yield temporary
+        temporary.replace(target)
+    except OSError as error:
+        if error.errno is None:
+            raise
+        raise OSError(error.errno, os.strerror(error.errno), str(path)) from error
+    finally:
+        temporary.unlink(missing_ok=True)
