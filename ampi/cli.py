@@ -92,11 +92,11 @@ def solve(
     as_json: Json = False,
 ) -> None:
     """Solve a mission's optimal control problem once."""
+    from ampi.propagation import reintegrate
     from ampi.scp.guess import ConstantBank
     from ampi.scp.refinement import RefinementSettings
     from ampi.scp.shortfall import verdict
     from ampi.scp.solve import solve as solve_mission
-    from ampi.simulation.reintegration import reintegrate
 
     with _told():
         check_output(table)

@@ -2,7 +2,7 @@
 
 `audit` answers five questions with numbers of its own making, not with those stored in the file:
 
-1. Truth. Every case is flown again by DOP853 under its own bank angle (ampi.simulation.reintegration).
+1. Truth. Every case is flown again by DOP853 under its own bank angle (ampi.propagation).
 2. Limits. On that flight the path constraints are read on a 1 s grid, between the nodes.
 3. Interpolation. At random points of the hypercube the reference of each guidance mode is compared
    with the optimal control problem solved there: greatest error over the nodes of the flight, and the
@@ -30,8 +30,8 @@ from ampi.onboard.reference import Mode, ReferenceGenerator
 from ampi.onboard.table import RATE_ROW, STATE_ROWS, GuidanceTable
 from ampi.physics.path_constraints import PATH_CONSTRAINTS
 from ampi.physics.planet import great_circle_distance
+from ampi.propagation import reintegrate_many
 from ampi.scp.solve import solve
-from ampi.simulation.reintegration import reintegrate_many
 from ampi.trajectory import Status, Trajectory
 from database.coherence import ROWS, THRESHOLD, Coherence, coherence
 from database.error_map import CellError, error_map

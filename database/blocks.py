@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 
 from ampi.dataset import FIELDS
 from ampi.missions.mission import Mission
+from ampi.propagation import reintegrate_many
 from ampi.scp.problem import OptimalControlProblem
-from ampi.simulation.reintegration import reintegrate_many
 from database.gains import GainSettings, vertex_gains
 from database.grid import Grid
 from database.records import CaseRecord

@@ -25,7 +25,7 @@ from ipopt_baseline import compare
 
 import ampi
 from ampi.dataset import read_dataset
-from ampi.simulation.reintegration import reintegrate
+from ampi.propagation import reintegrate
 from database.audit import audit
 
 BEGIN, END = "<!-- results: begin -->", "<!-- results: end -->"

@@ -11,12 +11,12 @@ from numpy.typing import NDArray
 
 from ampi.missions.mission import Mission, load_mission
 from ampi.physics.path_constraints import PATH_CONSTRAINTS
+from ampi.propagation import reintegrate
 from ampi.report.look import INK, LIMIT_COLOUR, house_style, new_figure
 from ampi.report.reproduction_liu2015 import liu2015_case
 from ampi.report.reproduction_table import Reproduction
 from ampi.scp.energy_domain import EnergyDomain
 from ampi.scp.methods import Solution
-from ampi.simulation.reintegration import reintegrate
 from ampi.trajectory import Trajectory
 
 Array = NDArray[np.float64]

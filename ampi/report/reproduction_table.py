@@ -14,8 +14,8 @@ import numpy as np
 
 from ampi.missions.mission import Mission
 from ampi.physics.planet import great_circle_distance
+from ampi.propagation import reintegrate
 from ampi.scp.methods import CIRCULAR_SPEED, EARTH_RADIUS, METHODS, Solution, solve_by
-from ampi.simulation.reintegration import reintegrate
 from ampi.trajectory import Trajectory
 
 UNITS = np.array([EARTH_RADIUS, 1.0, 1.0, CIRCULAR_SPEED, 1.0, 1.0])  # of Zhou's normalised norm

@@ -22,8 +22,8 @@ from ampi.guidance import Guidance
 from ampi.loading import load_guidance
 from ampi.missions.mission import Mission, load_mission, parse_mission
 from ampi.onboard.reference import Mode
+from ampi.propagation import reintegrate
 from ampi.simulation.dispersions import Dispersions, Distribution
-from ampi.simulation.reintegration import reintegrate
 
 TEXT = load_mission("shefex3_density").toml
 TEXT = TEXT[: TEXT.index("[grid]")]

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 import ampi
 from ampi.missions import Mission, load_mission
 from ampi.missions.mission import parse_mission
+from ampi.propagation import reintegrate
 from ampi.scp.family import _Newton, newton
 from ampi.scp.family_condensing import CondensedFamily
 from ampi.scp.guess import NodalGuess, from_trajectory
@@ -20,7 +21,6 @@ from ampi.scp.iterate import Flight, Linearised, Point, RestorationSettings
 from ampi.scp.problem import OptimalControlProblem
 from ampi.scp.quadratic_model import Multipliers, _lagrangian_hessian
 from ampi.scp.solve import solve, solve_family
-from ampi.simulation.reintegration import reintegrate
 from ampi.trajectory import Status, Trajectory
 
 Array = NDArray[np.float64]

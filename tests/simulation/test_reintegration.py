@@ -15,7 +15,7 @@ from ampi.missions.family import MissionFamily
 from ampi.missions.mission import Mission
 from ampi.physics.equations_of_motion import equations_of_motion
 from ampi.physics.path_constraints import path_constraints
-from ampi.simulation.reintegration import reintegrate, reintegrate_many
+from ampi.propagation import reintegrate, reintegrate_many
 from ampi.trajectory import Trajectory
 
 Array = NDArray[np.float64]
