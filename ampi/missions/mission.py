@@ -35,7 +35,7 @@ from ampi.physics.aerodynamics import (
 from ampi.physics.atmosphere import Atmosphere, ExponentialAtmosphere, StandardAtmosphere1976
 from ampi.physics.equations_of_motion import FlightModel
 from ampi.physics.path_constraints import PATH_CONSTRAINTS, path_constraints
-from ampi.physics.planet import WGS84, Planet
+from ampi.physics.planet import WGS84, Planet, great_circle_distance
 from ampi.physics.vehicle import AngleOfAttackSchedule, Vehicle, air_loads
 from ampi.pseudospectral.mesh import Mesh, Phase
 
@@ -256,7 +256,7 @@ class LimitsSection(Section):
 
 
 class NoFlyZoneSection(Section):
-    """A cylinder over a point, Liu 2015, Eq. (71): (θ − θ_c)² + (φ − φ_c)² ≥ (radius / R₀)²."""
+    """A cylinder over a circle on the ground, Liu 2015, Eq. (71) with distances on the sphere."""
 
     longitude: u.Angle
     latitude: u.Angle
@@ -448,17 +448,18 @@ class Mission(Section):
             )
 
     def _zones_are_clear(self) -> None:
-        radius = self.flight_model.planet.equatorial_radius
+        sphere = self.flight_model.planet.equatorial_radius
         ends: list[tuple[str, EntrySection | TargetSection]] = [("entry", self.entry)]
         if self.target.position == "fixed":
             ends.append(("target", self.target))
         for number, zone in enumerate(self.no_fly_zone, start=1):
             for place, end in ends:
-                away = np.hypot(end.longitude - zone.longitude, end.latitude - zone.latitude)
-                if away * radius < zone.radius:
+                centre = (zone.longitude, zone.latitude)
+                away = great_circle_distance(end.longitude, end.latitude, *centre, sphere)
+                if away < zone.radius:
                     raise ValueError(
                         f"no_fly_zone {number}: expected the {place} outside the zone, got it "
-                        f"{away * radius / 1e3:.0f} km from the centre of a zone of "
+                        f"{away / 1e3:.0f} km from the centre of a zone of "
                         f"{zone.radius / 1e3:.0f} km; move the zone or the {place}"
                     )
 

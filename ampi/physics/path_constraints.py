@@ -4,6 +4,14 @@
 
 with n = 3 there; the exponent (3.15 in other papers) belongs to the vehicle, and so does the choice
 of the load factor: the normal one above, or the total n = √(L² + D²) / g₀ of Liu 2015, Eq. (11).
+
+A no-fly zone is a circle on the sphere, at any latitude and across any meridian, 1 on its edge:
+
+    g = 2 − hav d / hav ρ ≤ 1,   hav x = sin²(x/2),                                 (5)
+
+with d the angle to its centre and ρ = radius / R₀. Liu 2015, Eq. (71), has d² = Δθ² + Δφ² in its place,
+a circle in the chart: at latitude φ it is narrower on the ground by cos φ, and a zone of 100 km at 76°
+would let pass what is 24 km from its centre.
 """
 
 from __future__ import annotations
@@ -13,6 +21,7 @@ from typing import Any
 import numpy as np
 
 from ampi.physics.equations_of_motion import FlightModel
+from ampi.physics.planet import haversine
 from ampi.physics.vehicle import air_loads
 
 PATH_CONSTRAINTS = ("dynamic_pressure", "heat_flux", "load_factor")
@@ -36,3 +45,9 @@ def path_constraints(model: FlightModel, state: Any, time: Any) -> tuple[Any, An
     # expression can be differentiated on either side of zero.
     load_factor = np.sqrt(normal * normal) / model.planet.load_factor_gravity
     return pressure, heat_flux, load_factor
+
+
+def no_fly_zone(longitude: Any, latitude: Any, zone: tuple[float, float, float]) -> Any:
+    """g of Eq. (5) at a point (rad); `zone` is longitude and latitude of its centre, and ρ (rad)."""
+    away = haversine(longitude, latitude, zone[0], zone[1])
+    return 2.0 - away / np.sin(0.5 * zone[2]) ** 2

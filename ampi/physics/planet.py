@@ -56,15 +56,36 @@ def gravity(planet: Planet, radius: Any, latitude: Any) -> Any:
     return planet.gravitational_parameter / (radius * radius) * (1.0 + oblateness)
 
 
+def haversine(longitude_1: Any, latitude_1: Any, longitude_2: Any, latitude_2: Any) -> Any:
+    """sin²(d/2) of the angle d between two points (rad): smooth, at any latitude, on any turn."""
+    return (
+        np.sin(0.5 * (latitude_2 - latitude_1)) ** 2
+        + np.cos(latitude_1) * np.cos(latitude_2) * np.sin(0.5 * (longitude_2 - longitude_1)) ** 2
+    )
+
+
 def great_circle_distance(
     longitude_1: Any, latitude_1: Any, longitude_2: Any, latitude_2: Any, radius: float
 ) -> Any:
     """Distance over a sphere of `radius` (m) between two points (rad): haversine, exact near zero."""
-    half_chord_squared = (
-        np.sin(0.5 * (latitude_2 - latitude_1)) ** 2
-        + np.cos(latitude_1) * np.cos(latitude_2) * np.sin(0.5 * (longitude_2 - longitude_1)) ** 2
+    half_chord_squared = haversine(longitude_1, latitude_1, longitude_2, latitude_2)
+    # between antipodes its rounding may lie beyond 1
+    return 2.0 * radius * np.arcsin(np.sqrt(np.minimum(half_chord_squared, 1.0)))
+
+
+def destination(longitude: Any, latitude: Any, azimuth: Any, angle: Any) -> tuple[Any, Any]:
+    """Longitude and latitude (rad) at `angle` (rad) from a point on the great circle along `azimuth`.
+
+    The longitude goes on from that of the point: it may lie on another turn than [−π, π).
+    """
+    sin_latitude = np.sin(latitude) * np.cos(angle) + np.cos(latitude) * np.sin(angle) * np.cos(
+        azimuth
     )
-    return 2.0 * radius * np.arcsin(np.sqrt(half_chord_squared))
+    east = np.arctan2(
+        np.sin(azimuth) * np.sin(angle) * np.cos(latitude),
+        np.cos(angle) - np.sin(latitude) * sin_latitude,
+    )
+    return longitude + east, np.arcsin(np.clip(sin_latitude, -1.0, 1.0))
 
 
 def bearing(longitude_1: Any, latitude_1: Any, longitude_2: Any, latitude_2: Any) -> Any:

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from ampi.missions.mission import Mission, load_mission
 from ampi.physics.path_constraints import PATH_CONSTRAINTS
+from ampi.physics.planet import destination
 from ampi.propagation import reintegrate
 from ampi.report.look import INK, LIMIT_COLOUR, house_style, new_figure
 from ampi.report.reproduction_liu2015 import liu2015_case
@@ -99,14 +100,11 @@ def liu2015(found: Reproduction) -> Figure:
 
 
 def _zones(axes: Axes, mission: Mission) -> None:
-    """Edges of the no-fly zones, Liu 2015, Eq. (71)."""
-    radius, around = (
-        mission.flight_model.planet.equatorial_radius,
-        np.linspace(0.0, 2.0 * np.pi, 181),
-    )
+    """Edges of the no-fly zones, circles on the sphere."""
+    radius = mission.flight_model.planet.equatorial_radius
+    around = np.linspace(0.0, 2.0 * np.pi, 181)
     for zone in mission.no_fly_zone:
-        east = zone.longitude + zone.radius / radius * np.cos(around)
-        north = zone.latitude + zone.radius / radius * np.sin(around)
+        east, north = destination(zone.longitude, zone.latitude, around, zone.radius / radius)
         axes.plot(np.degrees(east), np.degrees(north), color=LIMIT_COLOUR, linewidth=1.0)
     axes.set_aspect("equal")
 

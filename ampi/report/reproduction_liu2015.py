@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from ampi.missions.mission import Mission, load_mission
+from ampi.physics.planet import great_circle_distance
 from ampi.report.reproduction_table import (
     Reproduction,
     Row,
@@ -120,7 +121,11 @@ def _zone_row(found: Solution) -> Row:
     mission, states = liu2015_case("no-fly zones"), found.trajectory.states
     radius = mission.flight_model.planet.equatorial_radius
     nearest = [
-        (radius * np.hypot(states[1] - z.longitude, states[2] - z.latitude).min() - z.radius) / 1e3
+        (
+            great_circle_distance(states[1], states[2], z.longitude, z.latitude, radius).min()
+            - z.radius
+        )
+        / 1e3
         for z in mission.no_fly_zone
     ]
     return Row("no-fly zones: nearest to the edges", "grazed",

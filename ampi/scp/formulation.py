@@ -21,6 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ampi.missions.mission import Mission
+from ampi.physics.path_constraints import no_fly_zone
 from ampi.pseudospectral.mesh import Mesh
 from ampi.trajectory import Trajectory
 
@@ -238,14 +239,10 @@ class TracedFunctions:
 
 
 def no_fly_zone_values(mission: Mission, longitude: Any, latitude: Any) -> list[Any]:
-    """g = 2 − [(θ − θ_c)² + (φ − φ_c)²]/d² of every zone: at most 1 outside (Liu 2015, Eq. 71).
-
-    Its linearisation is Eq. (72).
-    """
+    """g of every zone: at most 1 outside. Its linearisation stands for Liu 2015, Eq. (72)."""
     radius = mission.flight_model.planet.equatorial_radius
     return [
-        2.0
-        - ((longitude - z.longitude) ** 2 + (latitude - z.latitude) ** 2) * (radius / z.radius) ** 2
+        no_fly_zone(longitude, latitude, (z.longitude, z.latitude, z.radius / radius))
         for z in mission.no_fly_zone
     ]
 

@@ -4,7 +4,8 @@ The limits g(x, t) ≤ 1, in this order:
 
     q / q_max,  Q̇ / Q̇_max,  n / n_max               Sagliano et al. 2016, Eq. (4)
     2 − D / D_min  where V ≤ V_floor, else 0           drag floor, Liu 2015, Eq. (73)
-    2 − [(θ − θ_c)² + (φ − φ_c)²] / (radius / R₀)²     each no-fly zone, Liu 2015, Eq. (71)
+    2 − hav d / hav ρ                                  each no-fly zone, Liu 2015, Eq. (71)
+                                                       on the sphere: physics/path_constraints.py
 
 The integrands of the objective: what enters as ∫ L dt, its weights within (heat load, ground range),
 then what enters as ∫ |D| dt, D = ḣ − ḣ_desired in m/s.
@@ -23,7 +24,7 @@ import numpy as np
 
 from ampi.missions.mission import Mission
 from ampi.physics.equations_of_motion import FlightModel
-from ampi.physics.path_constraints import PATH_CONSTRAINTS, path_constraints
+from ampi.physics.path_constraints import PATH_CONSTRAINTS, no_fly_zone, path_constraints
 from ampi.physics.vehicle import air_loads
 
 
@@ -85,9 +86,7 @@ class NodeFunctions:
             least, speed = self.drag_floor
             drag = air_loads(model.vehicle, model.atmosphere, state[0], state[3], time).drag
             g.append((state[3] <= speed) * (2.0 - drag / least))
-        for longitude, latitude, radius in self.no_fly_zones:
-            away = (state[1] - longitude) ** 2 + (state[2] - latitude) ** 2
-            g.append(2.0 - away / radius**2)
+        g += [no_fly_zone(state[1], state[2], zone) for zone in self.no_fly_zones]
         return g
 
     def integrands(self, model: FlightModel, state: Any, time: Any) -> list[Any]:

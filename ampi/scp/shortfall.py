@@ -39,7 +39,9 @@ def _exceeded(mission: Mission, trajectory: Trajectory) -> list[str]:
         if excess <= EXCESS:
             continue
         if name.startswith("no_fly_zone"):
-            share = np.sqrt(max(0.0, 1.0 - excess))  # g = 2 − share²
+            share = np.sqrt(
+                max(0.0, 1.0 - excess)
+            )  # g = 2 − share², but for the sphere's curvature
             found.append(f"{name} is entered, as near to its centre as {share:.2f} of its radius")
         elif name == "drag_floor":
             found.append(f"drag is {_short(100.0 * excess)} % below the drag_floor")

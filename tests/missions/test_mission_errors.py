@@ -59,12 +59,12 @@ FAULTS = {
     ),
     "a zone over the target": (
         ("[grid] # [S]", ZONE.format(longitude=-45.0, latitude=66.0) + "[grid] # [S]"),
-        "no_fly_zone 1: expected the target outside the zone, got it 95 km from the centre of a "
+        "no_fly_zone 1: expected the target outside the zone, got it 56 km from the centre of a "
         "zone of 100 km; move the zone or the target",
     ),
     "a zone over the entry": (
         ("[grid] # [S]", ZONE.format(longitude=-11.0, latitude=72.0) + "[grid] # [S]"),
-        "no_fly_zone 1: expected the entry outside the zone, got it 68 km from the centre of a "
+        "no_fly_zone 1: expected the entry outside the zone, got it 24 km from the centre of a "
         "zone of 100 km; move the zone or the entry",
     ),
     "a missing unit": (

@@ -12,7 +12,8 @@ from hypothesis import strategies as st
 from ampi.missions import load_mission
 from ampi.physics.aerodynamics import ModifiedNewtonian
 from ampi.physics.equations_of_motion import FlightModel
-from ampi.physics.path_constraints import PATH_CONSTRAINTS, path_constraints
+from ampi.physics.path_constraints import PATH_CONSTRAINTS, no_fly_zone, path_constraints
+from ampi.physics.planet import destination
 
 laws = settings(deadline=None, max_examples=100)
 altitudes, speeds = st.floats(5e3, 115e3), st.floats(100.0, 7500.0)
@@ -90,3 +91,23 @@ def test_shefex3_at_40_km() -> None:
     # α(70 s) = 32.2°: C_N = 1.83 sin² + 0.15 sin = 0.59956
     assert load_factor == pytest.approx(35.24e3 * 2.0 * 0.59956 / (500.0 * 9.782), rel=1e-3)
     assert PATH_CONSTRAINTS == ("dynamic_pressure", "heat_flux", "load_factor")
+
+
+@laws
+@given(
+    centre=st.tuples(st.floats(-7.0, 7.0), st.floats(-1.55, 1.55)),
+    radius=st.floats(1e-3, 1.5),
+    azimuth=st.floats(0.0, 6.3),
+    turns=st.integers(-2, 2),
+)
+def test_a_no_fly_zone_is_a_circle_on_the_sphere(
+    centre: tuple[float, float], radius: float, azimuth: float, turns: int
+) -> None:
+    zone = (*centre, radius)
+    for share, sign in ((0.9, 1.0), (1.0, 0.0), (1.1, -1.0)):
+        longitude, latitude = destination(*centre, azimuth, share * radius)
+        g = no_fly_zone(longitude + 2.0 * np.pi * turns, latitude, zone)
+        inside = 2.0 - np.sin(0.5 * share * radius) ** 2 / np.sin(0.5 * radius) ** 2
+        assert g == pytest.approx(inside, abs=1e-8)
+        assert np.sign(round(float(g) - 1.0, 8)) == sign
+    assert no_fly_zone(*centre, zone) == 2.0

@@ -7,7 +7,8 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from ampi.physics.planet import WGS84, Planet, gravity, great_circle_distance
+from ampi.physics.angles import wrapped
+from ampi.physics.planet import WGS84, Planet, bearing, destination, gravity, great_circle_distance
 
 laws = settings(deadline=None, max_examples=200)
 latitudes = st.floats(-0.5 * np.pi, 0.5 * np.pi)
@@ -83,6 +84,27 @@ def test_great_circle_along_meridians_and_to_itself(lon: float, lat: float, turn
     assert great_circle_distance(lon, lat, lon, lat, RADIUS) == 0.0
     to_pole = great_circle_distance(lon, lat, lon + turn, 0.5 * np.pi, RADIUS)
     assert to_pole == pytest.approx(RADIUS * (0.5 * np.pi - lat), rel=1e-9, abs=1e-3)
+
+
+@laws
+@given(lon=longitudes, lat=latitudes, azimuth=longitudes, angle=st.floats(0.01, 3.1))
+def test_a_destination_lies_at_its_distance_and_bearing(
+    lon: float, lat: float, azimuth: float, angle: float
+) -> None:
+    assume(abs(lat) < 1.5)
+    there = destination(lon, lat, azimuth, angle)
+    assert great_circle_distance(lon, lat, *there, RADIUS) == pytest.approx(
+        RADIUS * angle, rel=1e-9
+    )
+    assert wrapped(bearing(lon, lat, *there) - azimuth) == pytest.approx(0.0, abs=1e-7)
+    assert abs(there[0] - lon) <= np.pi  # on the turn of where it starts
+
+
+@laws
+@given(lon=longitudes, lat=latitudes)
+def test_antipodes_are_half_a_circle_apart(lon: float, lat: float) -> None:
+    away = great_circle_distance(lon, lat, lon + np.pi, -lat, RADIUS)
+    assert away == pytest.approx(RADIUS * np.pi, rel=1e-7)  # and never NaN
 
 
 def test_great_circle_from_the_entry_interface_to_greenland() -> None:

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from ampi.missions import Mission
 from ampi.missions.mission import NoFlyZoneSection, parse_mission
 from ampi.physics.path_constraints import path_constraints
+from ampi.physics.planet import great_circle_distance
 from ampi.physics.vehicle import air_loads
 from ampi.scp.condensing import Iterate
 from ampi.scp.guess import ConstantBank, constant_bank_guess
@@ -130,8 +131,9 @@ def test_the_limits_are_what_they_are_called(
     slow = x[3] <= 3000.0
     assert flying.problem.functions.names[3:] == ("drag_floor", "no_fly_zone 1")
     assert np.array_equal(point.path[:, 3] <= 1.0, ~slow | (drag >= floor))
-    away = np.hypot(x[1] - np.radians(-30.0), x[2] - np.radians(69.0))
-    inside = away * model.planet.equatorial_radius < 600e3
+    radius = model.planet.equatorial_radius
+    away = great_circle_distance(x[1], x[2], np.radians(-30.0), np.radians(69.0), radius)
+    inside = away < 600e3
     assert np.array_equal(point.path[:, 4] > 1.0, inside)
     assert inside.any()
 

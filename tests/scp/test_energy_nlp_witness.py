@@ -66,8 +66,9 @@ def physics(mission: Mission) -> ca.Function:
         floor = limits.drag_floor * planet.load_factor_gravity
         g.append(ca.if_else(speed <= limits.drag_floor_speed, 2.0 - drag / floor, 0.0))
     for zone in mission.no_fly_zone:
-        away = (x[1] - zone.longitude) ** 2 + (x[2] - zone.latitude) ** 2
-        g.append(2.0 - away * (radius / zone.radius) ** 2)
+        over = np.sin(zone.latitude) * ca.sin(x[2])
+        along = np.cos(zone.latitude) * ca.cos(x[2]) * ca.cos(x[1] - zone.longitude)
+        g.append(2.0 - (1.0 - over - along) / (1.0 - np.cos(zone.radius / radius)))
     over_energy = ca.vertcat(*(rates[k] for k in (0, 1, 2, 4, 5))) / per_second / SCALE
     outputs = [over_energy, wanted / per_second, ca.vertcat(*g)]
     return ca.Function("physics", [x, bank, energy], outputs)

@@ -18,6 +18,7 @@ from ampi.missions import Mission, load_mission
 from ampi.missions.mission import ENTRY_STATES, NoFlyZoneSection
 from ampi.physics.equations_of_motion import equations_of_motion
 from ampi.physics.path_constraints import PATH_CONSTRAINTS, path_constraints
+from ampi.physics.planet import great_circle_distance
 from ampi.physics.vehicle import air_loads
 from ampi.pseudospectral.mesh import Mesh, Phase
 from ampi.scp.guess import ConstantBank, NodalGuess, constant_bank_guess, from_trajectory
@@ -67,8 +68,9 @@ def physics(mission: Mission) -> tuple[ca.Function, ca.Function, ca.Function]:
         floor = limits.drag_floor * model.planet.load_factor_gravity
         g.append(ca.if_else(si[3] <= limits.drag_floor_speed, 2.0 - drag / floor, 0.0))
     for zone in mission.no_fly_zone:
-        away = (x[1] - zone.longitude) ** 2 + (x[2] - zone.latitude) ** 2
-        g.append(2.0 - away * (radius / zone.radius) ** 2)
+        over = np.sin(zone.latitude) * ca.sin(x[2])
+        along = np.cos(zone.latitude) * ca.cos(x[2]) * ca.cos(x[1] - zone.longitude)
+        g.append(2.0 - (1.0 - over - along) / (1.0 - np.cos(zone.radius / radius)))
     terms = ca.vertcat(heat, si[3] * ca.cos(si[4]) * radius / (radius + si[0]), f[0])
     return (
         ca.Function("f", [x, u, t], [f / SCALE]),
@@ -308,9 +310,9 @@ def test_an_optimum_beside_a_no_fly_zone(mission: Mission, nominal: Trajectory) 
     closed = mission.model_copy(update={"no_fly_zone": (zone,)})
     ours = solve(closed, guess=GUESS)
     assert ours.status is Status.SOLVED
-    away = np.hypot(ours.states[1] - zone.longitude, ours.states[2] - zone.latitude)
     radius = mission.flight_model.planet.equatorial_radius
-    assert radius * away.min() == pytest.approx(zone.radius, rel=1e-6)
+    away = great_circle_distance(*ours.states[1:3], zone.longitude, zone.latitude, radius)
+    assert away.min() == pytest.approx(zone.radius, rel=1e-6)
     assert ours.cost > nominal.cost
     beside = from_trajectory(ours, closed)
     assert_the_same(ours, nlp(closed, beside, near=True))
