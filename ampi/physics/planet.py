@@ -78,14 +78,10 @@ def destination(longitude: Any, latitude: Any, azimuth: Any, angle: Any) -> tupl
 
     The longitude goes on from that of the point: it may lie on another turn than [−π, π).
     """
-    sin_latitude = np.sin(latitude) * np.cos(angle) + np.cos(latitude) * np.sin(angle) * np.cos(
-        azimuth
-    )
-    east = np.arctan2(
-        np.sin(azimuth) * np.sin(angle) * np.cos(latitude),
-        np.cos(angle) - np.sin(latitude) * sin_latitude,
-    )
-    return longitude + east, np.arcsin(np.clip(sin_latitude, -1.0, 1.0))
+    ahead, aside = np.sin(angle) * np.cos(azimuth), np.sin(angle) * np.sin(azimuth)
+    outward = np.cos(latitude) * np.cos(angle) - np.sin(latitude) * ahead
+    north = np.sin(latitude) * np.cos(angle) + np.cos(latitude) * ahead
+    return longitude + np.arctan2(aside, outward), np.arctan2(north, np.hypot(outward, aside))
 
 
 def bearing(longitude_1: Any, latitude_1: Any, longitude_2: Any, latitude_2: Any) -> Any:

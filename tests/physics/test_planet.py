@@ -91,13 +91,13 @@ def test_great_circle_along_meridians_and_to_itself(lon: float, lat: float, turn
 def test_a_destination_lies_at_its_distance_and_bearing(
     lon: float, lat: float, azimuth: float, angle: float
 ) -> None:
-    assume(abs(lat) < 1.5)
+    assume(abs(lat) < 1.5)  # the bearing at a pole is any
     there = destination(lon, lat, azimuth, angle)
     assert great_circle_distance(lon, lat, *there, RADIUS) == pytest.approx(
         RADIUS * angle, rel=1e-9
     )
     assert wrapped(bearing(lon, lat, *there) - azimuth) == pytest.approx(0.0, abs=1e-7)
-    assert abs(there[0] - lon) <= np.pi  # on the turn of where it starts
+    assert abs(there[0] - lon) <= np.pi + 1e-12  # on the turn of where it starts
 
 
 @laws
