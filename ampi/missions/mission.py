@@ -201,10 +201,12 @@ class EntrySection(Section):
 
 
 class TargetSection(Section):
-    """Where guided flight ends. Tolerances serve the verdict, not the optimiser.
+    """Where guided flight ends. Tolerances and radii serve the verdict, not the optimiser.
 
-    A final angle is one number or a range [least, greatest]; absent, it is free. With
-    `position = "free"` longitude and latitude only serve the reports (maximum range).
+    A flight has passed where it ended within all three tolerances; `radii` are those within which
+    flights are counted, by default a quarter, a half, once and twice the position tolerance. A final
+    angle is one number or a range [least, greatest]; absent, it is free. With `position = "free"`
+    longitude and latitude only serve the reports (maximum range), and no distance is judged.
     """
 
     altitude: u.Length = Field(ge=0, le=120e3)
@@ -213,9 +215,25 @@ class TargetSection(Section):
     speed: u.Speed = Field(ge=10, le=12e3)
     altitude_tolerance: u.Length = Field(gt=0)
     speed_tolerance: u.Speed = Field(gt=0)
+    position_tolerance: u.Length = Field(default=10e3, gt=0)
+    radii: u.Lengths | None = None
     position: Literal["fixed", "free"] = "fixed"
     flight_path_angle: u.AngleRange | None = None
     azimuth: u.AngleRange | None = None
+
+    @field_validator("radii")
+    @classmethod
+    def _radii_increase(cls, value: tuple[float, ...] | None) -> tuple[float, ...] | None:
+        if value is not None and (len(value) == 0 or np.any(np.diff((0.0, *value)) <= 0)):
+            raise ValueError("expected one or more positive lengths that increase strictly")
+        return value
+
+    @property
+    def judged_radii(self) -> tuple[float, ...]:
+        """Radii (m) about the target within which the verdict counts flights."""
+        if self.radii is not None:
+            return self.radii
+        return tuple(share * self.position_tolerance for share in (0.25, 0.5, 1.0, 2.0))
 
     @field_validator("flight_path_angle", "azimuth", mode="before")
     @classmethod

@@ -56,6 +56,7 @@ PerAngleSquared = Annotated[float, Dimension("inverse angle squared")]
 PerLengthSquared = Annotated[float, Dimension("inverse length squared")]
 PerSpeedSquared = Annotated[float, Dimension("inverse speed squared")]
 AngleRange = Annotated[tuple[float, float], Dimension("angle", is_range=True)]
+Lengths = Annotated[tuple[float, ...], Dimension("length")]
 
 
 Number = Annotated[float, Field(strict=True)]

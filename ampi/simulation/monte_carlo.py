@@ -6,8 +6,12 @@ same arithmetic, so a campaign's numbers are identical on one core and on many.
 
 from __future__ import annotations
 
+import hashlib
+import zlib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from io import BytesIO
+from lzma import LZMAError
 from pathlib import Path
 from typing import Any
 from zipfile import BadZipFile
@@ -21,13 +25,19 @@ from ampi.guidance import Guidance
 from ampi.missions.family import MissionFamily
 from ampi.missions.mission import Mission, mission_digest
 from ampi.onboard.reference import Mode
-from ampi.physics.path_constraints import path_constraints
+from ampi.outputs import written
+from ampi.physics.angles import wrapped
+from ampi.physics.path_constraints import PATH_CONSTRAINTS, path_constraints
 from ampi.physics.planet import great_circle_distance
 from ampi.simulation.closed_loop import FlightBatch, FlightStatus, fly_batch
 from ampi.simulation.dispersions import Dispersions
 
 Array = NDArray[np.float64]
 
+# what a few wrong bytes in an archive raise
+DAMAGED = (BadZipFile, LZMAError, zlib.error, OSError, EOFError, RuntimeError, MemoryError)
+DIGEST = "sha256"  # in a file of flights: of all else in it
+KEPT = 1e-3  # a limit is kept up to this share of it
 BATCH = 100  # flights; fixed, or the last bits would depend on the number of workers
 
 
@@ -54,8 +64,50 @@ class Flights:
     states: Array  # (n, 7, k)
     reference_states: Array  # (n, 7, k)
     bank_rate: Array  # (n, k), rad/s
-    path: Array  # (n, 3, k): q, Q̇, n_z over their limits
-    peak: Array  # (n, 3): their greatest values, read at every guidance cycle
+    limits: tuple[str, ...]  # (l,), names of the limits that a flight is to keep
+    path: Array  # (n, l, k): their use, over the limit
+    peak: Array  # (n, l): its greatest values, read at every guidance cycle
+    position_tolerance: float  # m, of the mission; infinite where its position is free
+    altitude_tolerance: float  # m
+    speed_tolerance: float  # m/s
+    radii: Array  # (r,), m: within which the verdict counts flights
+
+    def __post_init__(self) -> None:
+        n, d, k = len(self.miss), self.parameters.shape[-1], len(self.times)
+        limits = len(self.limits)
+        shapes: dict[str, tuple[int, ...]] = {
+            "parameters": (n, d),
+            **dict.fromkeys(("clipped", "status", "final_time", "miss", "along", "across"), (n,)),
+            **dict.fromkeys(("altitude_error", "speed_error"), (n,)),
+            "final_states": (n, 7),
+            "times": (k,),
+            **dict.fromkeys(("states", "reference_states"), (n, 7, k)),
+            "bank_rate": (n, k),
+            "path": (n, limits, k),
+            "peak": (n, limits),
+            "radii": (len(self.radii),),
+        }
+        kinds = {"clipped": "b", "status": "i"}
+        for name, shape in shapes.items():
+            array, kind = getattr(self, name), kinds.get(name, "f")
+            if array.shape != shape or array.dtype.kind != kind:
+                raise ValueError(
+                    f"flights.{name}: expected an array of shape {shape} and kind {kind!r}, got "
+                    f"{array.shape} and {array.dtype.kind!r}"
+                )
+        if not np.all(np.isin(self.status, list(FlightStatus))):
+            raise ValueError("flights.status: expected members of FlightStatus")
+        ended = ("final_states", "final_time", "miss", "along", "across", "altitude_error")
+        for name in (*ended, "speed_error", "peak"):
+            if not np.all(np.isfinite(getattr(self, name)[self.reached])):
+                raise ValueError(
+                    f"flights.{name}: expected finite numbers of every flight that reached its speed"
+                )
+        if not np.all(np.diff(self.times) > 0.0) or not np.all(np.diff(self.radii, prepend=0) > 0):
+            raise ValueError("flights: expected times, and radii above 0, that increase strictly")
+        tolerances = (self.position_tolerance, self.altitude_tolerance, self.speed_tolerance)
+        if not all(tolerance > 0.0 for tolerance in tolerances):
+            raise ValueError("flights: expected positive tolerances")
 
     @property
     def n(self) -> int:
@@ -67,36 +119,84 @@ class Flights:
         """Flights that ended at the target speed; the others count as outside every circle."""
         return self.status == int(FlightStatus.REACHED_SPEED)
 
+    @property
+    def faults(self) -> dict[str, NDArray[np.bool_]]:
+        """What flights have not passed by: reason → (n,). One may have several; NaN is no pass."""
+        return {
+            "target_speed_not_reached": ~self.reached,
+            "position": ~(self.miss <= self.position_tolerance),
+            "altitude": ~(np.abs(self.altitude_error) <= self.altitude_tolerance),
+            "speed": ~(np.abs(self.speed_error) <= self.speed_tolerance),
+            **{name: ~(self.peak[:, i] <= 1.0 + KEPT) for i, name in enumerate(self.limits)},
+        }
+
+    @property
+    def passed(self) -> NDArray[np.bool_]:
+        """(n,): reached the target speed within every tolerance of the mission, and kept every limit."""
+        return ~np.any(list(self.faults.values()), axis=0)
+
 
 def save_campaigns(path: str | Path, campaigns: Mapping[str, Flights]) -> None:
-    """Write campaigns (mode → flights) as one compressed .npz."""
-    packed: dict[str, Any] = {}
-    for name, flights in campaigns.items():
-        for key, value in vars(flights).items():
-            packed[f"{name}/{key}"] = value.value if isinstance(value, Mode) else value
-    path = Path(path).resolve()  # a link stays one
-    temporary = path.with_name(path.name + ".tmp")
-    with temporary.open("wb") as file:
+    """Write campaigns of one mission (name → flights) as one compressed .npz, at once."""
+    _require_one_mission(campaigns)
+    packed: dict[str, Any] = {
+        f"{name}/{key}": np.asarray(value.value if isinstance(value, Mode) else value)
+        for name, flights in campaigns.items()
+        for key, value in vars(flights).items()
+    }
+    packed[DIGEST] = np.asarray(_digest(packed))
+    with written(path) as temporary, temporary.open("wb") as file:
         np.savez_compressed(file, **packed)
-    temporary.replace(path)
 
 
 def load_campaigns(path: str | Path) -> dict[str, Flights]:
-    """Read what `save_campaigns` wrote."""
-    found: dict[str, dict[str, Any]] = {}
+    """Read what `save_campaigns` wrote.
+
+    Raises
+    ------
+    ValueError
+        If the file is not whole, or its content is not what was written.
+    """
+    content = BytesIO(Path(path).read_bytes())
     try:
-        with Path(path).open("rb") as file, np.load(file) as packed:
-            for key in packed.files:
-                name, _, part = key.partition("/")
-                value = packed[key]
-                found.setdefault(name, {})[part] = value if value.ndim else value.item()
-        return {
-            name: Flights(**{**parts, "mode": Mode(parts["mode"])}) for name, parts in found.items()
+        with np.lib.npyio.NpzFile(content) as packed:
+            arrays = {key: packed[key] for key in packed.files}
+        if DIGEST not in arrays or str(arrays.pop(DIGEST)) != _digest(arrays):
+            raise ValueError("its content is not what was written")
+        found: dict[str, dict[str, Any]] = {}
+        for key, array in arrays.items():
+            name, _, part = key.partition("/")
+            found.setdefault(name, {})[part] = array if array.ndim else array.item()
+        campaigns = {
+            name: Flights(
+                **{**parts, "mode": Mode(parts["mode"]), "limits": tuple(parts["limits"])}
+            )
+            for name, parts in found.items()
         }
-    except (BadZipFile, EOFError, KeyError, TypeError, ValueError) as error:
+        _require_one_mission(campaigns)
+    except (*DAMAGED, KeyError, TypeError, ValueError) as error:
         raise ValueError(
             f"{path}: not a whole file of flights ({error}); make one with: ampi fly --output"
         ) from None
+    return campaigns
+
+
+def _digest(arrays: Mapping[str, NDArray[Any]]) -> str:
+    """SHA-256 of names, types, shapes and values."""
+    digest = hashlib.sha256()
+    for key, array in sorted(arrays.items()):
+        digest.update(f"{key} {array.dtype.str} {array.shape}\0".encode())
+        digest.update(np.ascontiguousarray(array).tobytes())
+    return digest.hexdigest()
+
+
+def _require_one_mission(campaigns: Mapping[str, Flights]) -> None:
+    if len({flights.mission_sha256 for flights in campaigns.values()}) != 1:
+        missions = ", ".join(f"{name} of {f.mission}" for name, f in campaigns.items())
+        raise ValueError(
+            f"campaigns: expected flights of one mission, got {missions or 'none'}; keep those of "
+            "another mission in another file"
+        )
 
 
 def fly(
@@ -178,7 +278,7 @@ def _assemble(
 
     final = np.concatenate([b.final_states for b in batches])
     states = joined([b.states for b in batches])
-    family = mission.family(draws)
+    family, target = mission.family(draws), mission.target
     radius = family.flight_model().planet.equatorial_radius
     along, across = _track_frame(mission, family, guidance, final, radius)
     values = path_constraints(family.flight_model(trailing=1), states.transpose(1, 0, 2), times)
@@ -208,8 +308,13 @@ def _assemble(
         states=states,
         reference_states=joined([b.reference_states for b in batches]),
         bank_rate=joined([b.bank_rate for b in batches]),
+        limits=PATH_CONSTRAINTS,
         path=np.stack(values, axis=1) / family.limits[:, :, None],
         peak=np.concatenate([b.peak for b in batches]) / family.limits,
+        position_tolerance=target.position_tolerance if target.position == "fixed" else np.inf,
+        altitude_tolerance=target.altitude_tolerance,
+        speed_tolerance=target.speed_tolerance,
+        radii=np.array(target.judged_radii),
     )
 
 
@@ -221,6 +326,6 @@ def _track_frame(
     azimuth = float(nominal.states[5, -1])
     longitude, latitude = family.target("longitude"), family.target("latitude")
     north = radius * (final[:, 2] - latitude)
-    east = radius * np.cos(latitude) * (final[:, 1] - longitude)
+    east = radius * np.cos(latitude) * wrapped(final[:, 1] - longitude)
     along = north * np.cos(azimuth) + east * np.sin(azimuth)
     return along, east * np.cos(azimuth) - north * np.sin(azimuth)

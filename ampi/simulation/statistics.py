@@ -26,7 +26,6 @@ ELLIPSE = float(chi2.ppf(CONFIDENCE, 2))  # squared Mahalanobis radius
 BOOTSTRAPS = 2000
 FEWEST_FOR_RATIO = 30  # flights; below it the bootstrap draws degenerate ellipses
 TABLE_5_RADII = (25e3, 50e3, 75e3)  # m, Sagliano et al. 2016, Table 5
-INNER_RADII = (3e3, 6.5e3, 13e3, 25e3)  # m, Section V.A, and 3 km
 
 
 @dataclass(frozen=True)
@@ -77,10 +76,12 @@ class Verdict:
 
     mode: str
     n: int
+    passed: Fraction  # within every tolerance of the mission, with every limit kept
+    failed_by: dict[str, Fraction]  # reason (`Flights.faults`) → flights; one may have several
     reached: Fraction
     clipped: Fraction
     rings: tuple[Fraction, ...]  # Table 5: within 25 km, 25–50, 50–75, outside
-    within: dict[float, Fraction]  # radius (m) → flights within it
+    within: dict[float, Fraction]  # radius of the mission (m) → flights within it
     miss: Spread  # m
     altitude: Spread  # m
     speed: Spread  # m/s
@@ -112,19 +113,21 @@ def judge(flights: Flights) -> Verdict:
         Fraction.of((miss >= a) & (miss < b) if np.isfinite(b) else miss >= a)
         for a, b in pairwise(edges)
     )
-    names = ("dynamic_pressure", "heat_flux", "load_factor")
+    faults = flights.faults
     return Verdict(
         mode=flights.mode.value,
         n=flights.n,
+        passed=Fraction.of(flights.passed),
+        failed_by={reason: Fraction.of(failed) for reason, failed in faults.items()},
         reached=Fraction.of(good),
         clipped=Fraction.of(flights.clipped),
         rings=rings,
-        within={radius: Fraction.of(miss < radius) for radius in INNER_RADII},
+        within={radius: Fraction.of(miss < radius) for radius in flights.radii.tolist()},
         miss=Spread.of(flights.miss[good]),
         altitude=Spread.of(flights.altitude_error[good]),
         speed=Spread.of(flights.speed_error[good]),
-        peak={name: Spread.of(flights.peak[:, i]) for i, name in enumerate(names)},
-        limits_kept=Fraction.of(np.all(flights.peak <= 1.0, axis=1)),
+        peak={name: Spread.of(flights.peak[:, i]) for i, name in enumerate(flights.limits)},
+        limits_kept=Fraction.of(~np.any([faults[name] for name in flights.limits], axis=0)),
         footprint_area=ellipse_area(flights.along[good], flights.across[good]),
     )
 

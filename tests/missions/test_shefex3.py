@@ -138,6 +138,21 @@ def test_terminal_conditions_of_table_1(mission: Mission) -> None:
     assert target.speed == pytest.approx(595.0)
     assert target.altitude_tolerance == pytest.approx(2.5e3)
     assert target.speed_tolerance == pytest.approx(25.0)
+    assert target.position_tolerance == pytest.approx(25e3)  # Table 5
+    assert target.judged_radii == pytest.approx((3e3, 6.5e3, 13e3, 25e3))
+
+
+def test_radii_follow_from_the_position_tolerance_unless_they_are_given(mission: Mission) -> None:
+    text = mission.toml.replace("radii_km = [3.0, 6.5, 13.0, 25.0]", "")
+    assert parse_mission(text).target.judged_radii == (6.25e3, 12.5e3, 25e3, 50e3)
+    for radii in ("[]", "[0.0, 1.0]", "[2.0, 1.0]"):
+        with pytest.raises(ValueError, match="positive lengths that increase strictly"):
+            parse_mission(mission.toml.replace("[3.0, 6.5, 13.0, 25.0]", radii))
+
+
+@pytest.mark.parametrize("name", shipped_missions())
+def test_every_shipped_mission_states_its_position_tolerance(name: str) -> None:
+    assert "position_tolerance" in load_mission(name).target.model_fields_set
 
 
 def test_control_limits_of_table_2(mission: Mission) -> None:

@@ -8,6 +8,7 @@ import pytest
 from ampi.missions.mission import Mission, load_mission
 from ampi.onboard.reference import Mode
 from ampi.onboard.table import GuidanceTable
+from ampi.physics.path_constraints import PATH_CONSTRAINTS
 from ampi.simulation.closed_loop import FlightStatus
 from ampi.simulation.monte_carlo import Flights
 
@@ -93,8 +94,13 @@ def campaign(mission: Mission, mode: Mode) -> Flights:
         states=np.where(end[:, None], np.nan, states),
         reference_states=np.where(end[:, None], np.nan, reference),
         bank_rate=np.where(end, np.nan, 0.01),
+        limits=PATH_CONSTRAINTS,
         path=np.where(end[:, None], np.nan, path),
         peak=peak,
+        position_tolerance=mission.target.position_tolerance,
+        altitude_tolerance=mission.target.altitude_tolerance,
+        speed_tolerance=mission.target.speed_tolerance,
+        radii=np.array(mission.target.judged_radii),
     )
 
 

@@ -15,6 +15,7 @@ from ampi.guidance import Guidance
 from ampi.loading import load_guidance
 from ampi.missions.mission import Mission, load_mission, parse_mission
 from ampi.onboard.reference import Mode
+from ampi.physics.path_constraints import PATH_CONSTRAINTS
 from ampi.simulation.monte_carlo import Flights
 
 SMALL_GRID = """[grid]
@@ -75,8 +76,13 @@ def synthetic_flights(n: int = 200, seed: int = 0, **changes: Any) -> Flights:
         "states": rng.standard_normal((n, 7, 4)),
         "reference_states": rng.standard_normal((n, 7, 4)),
         "bank_rate": rng.standard_normal((n, 4)),
+        "limits": PATH_CONSTRAINTS,
         "path": rng.uniform(0.0, 1.1, (n, 3, 4)),
         "peak": rng.uniform(0.5, 1.1, (n, 3)),
+        "position_tolerance": 25e3,
+        "altitude_tolerance": 150.0,
+        "speed_tolerance": 25.0,
+        "radii": np.array([3e3, 6.5e3, 13e3, 25e3]),
     }
     return Flights(**{**values, **changes})
 

@@ -15,7 +15,6 @@ from ampi.onboard.reference import Mode
 from ampi.simulation.closed_loop import FlightStatus
 from ampi.simulation.monte_carlo import Flights
 from ampi.simulation.statistics import (
-    INNER_RADII,
     TABLE_5_RADII,
     Fraction,
     Spread,
@@ -98,6 +97,13 @@ def test_an_empty_spread_is_not_a_number() -> None:
     assert np.isnan([got.median, got.percentile_99, got.worst]).all()
 
 
+def test_the_99th_percentile_of_a_ramp() -> None:
+    """Of 0 … 100 it is 99, the sign of a number aside."""
+    ramp = np.arange(101.0) * (-1.0) ** np.arange(101)
+    got = Spread.of(ramp)
+    assert (got.median, got.percentile_99, got.worst) == (50.0, 99.0, 100.0)
+
+
 # --- the verdict ----------------------------------------------------------------------------------
 
 
@@ -118,7 +124,7 @@ def test_rings_add_up_and_failed_flights_are_in_no_circle(
     for ring, a, b in zip(verdict.rings, edges, edges[1:], strict=False):
         assert ring.count == sum(a <= m < b for m in arrived)
     assert verdict.rings[-1].count == len(lost) + sum(m >= TABLE_5_RADII[-1] for m in arrived)
-    for radius in INNER_RADII:
+    for radius in flights.radii.tolist():
         assert verdict.within[radius].count == sum(m < radius for m in arrived)
     assert verdict.within[25e3].count == verdict.rings[0].count
     assert (verdict.reached.count, verdict.n) == (n - len(lost), n)
@@ -141,12 +147,55 @@ def test_a_campaign_in_which_nothing_arrives(
 
 def test_one_limit_exceeded_is_a_flight_that_did_not_keep_them(make_flights: FlightMaker) -> None:
     peak = np.full((4, 3), 0.5)
-    peak[1, 0], peak[2, 1], peak[3, 2] = 1.0, np.nextafter(1.0, 2.0), 0.9
+    peak[1, 0], peak[2, 1], peak[3, 2] = 1.001, np.nextafter(1.001, 2.0), 0.9
     verdict = judge(make_flights(4, peak=peak))
     assert verdict.limits_kept.count == 3
-    assert verdict.peak["dynamic_pressure"] == Spread.of(np.array([0.5, 1.0, 0.5, 0.5]))
+    assert verdict.peak["dynamic_pressure"] == Spread.of(np.array([0.5, 1.001, 0.5, 0.5]))
     assert verdict.peak["heat_flux"].worst > 1.0
     assert verdict.peak["load_factor"].worst == 0.9
+
+
+def test_a_flight_passes_by_the_tolerances_and_limits_of_its_mission(
+    make_flights: FlightMaker,
+) -> None:
+    """One flight for each reason, one that just passes, one of which nothing is known."""
+    n = 8
+    status, peak = statuses(n, [1, 7]), np.full((n, 3), 0.9)
+    peak[5, 1], peak[7] = 1.002, np.nan
+    miss, altitude, speed = np.full(n, 1e3), np.zeros(n), np.zeros(n)
+    miss[2], altitude[3], speed[4] = 2001.0, -101.0, 5.5
+    miss[6], altitude[6], speed[6], peak[6] = 2000.0, -100.0, -5.0, 1.0005
+    miss[7] = altitude[7] = speed[7] = np.nan
+    flights = make_flights(
+        n,
+        status=status,
+        peak=peak,
+        miss=miss,
+        altitude_error=altitude,
+        speed_error=speed,
+        position_tolerance=2e3,
+        altitude_tolerance=100.0,
+        speed_tolerance=5.0,
+        radii=np.array([1.5e3, 9e3]),
+    )
+    assert flights.passed.tolist() == [True, *[False] * 5, True, False]
+    failed = {reason: np.flatnonzero(f).tolist() for reason, f in flights.faults.items()}
+    assert failed == {
+        "target_speed_not_reached": [1, 7],
+        "position": [2, 7],
+        "altitude": [3, 7],
+        "speed": [4, 7],
+        "dynamic_pressure": [7],
+        "heat_flux": [5, 7],
+        "load_factor": [7],
+    }
+    verdict = judge(flights)
+    assert verdict.passed == Fraction.of(flights.passed)
+    assert verdict.failed_by["position"].count == 2
+    assert {radius: f.count for radius, f in verdict.within.items()} == {1.5e3: 4, 9e3: 6}
+    plain = json.loads(json.dumps(verdict.as_dict()))
+    assert plain["passed"]["count"] == 2
+    assert plain["failed_by"]["heat_flux"]["count"] == 2
 
 
 def test_the_verdict_is_plain_numbers_for_json(make_flights: FlightMaker) -> None:
@@ -237,6 +286,20 @@ def test_the_bootstrap_interval_holds_the_ratio_and_repeats_itself(
     assert first.low < first.ratio < first.high
     assert first.low > 0.4
     assert first.high < 2.5
+
+
+def test_the_bootstrap_interval_is_of_95_percent(make_flights: FlightMaker) -> None:
+    """The 2.5th and 97.5th percentile of 2000 resamplings, drawn here again from the same seed."""
+    baseline, other = make_flights(120, 1), make_flights(120, 2)
+    rng = np.random.default_rng(np.random.SeedSequence(other.seed, spawn_key=(0,)))
+    ratios = np.empty(2000)
+    for i in range(len(ratios)):
+        pick = rng.integers(0, 120, 120)
+        one, two = (ellipse_area(f.along[pick], f.across[pick]) for f in (other, baseline))
+        ratios[i] = one / two
+    got = footprint_ratio(other, baseline)
+    assert np.mean(ratios < got.low) == pytest.approx(0.025, abs=1e-3)
+    assert np.mean(ratios > got.high) == pytest.approx(0.025, abs=1e-3)
 
 
 def test_unpaired_draws_are_refused(make_flights: FlightMaker) -> None:

@@ -164,7 +164,7 @@ def test_absurd_dispersions_are_recorded_not_dropped(mission: Mission, guidance:
 def test_campaigns_survive_their_file(
     campaign: Flights, make_flights: Callable[..., Flights], tmp_path: Path
 ) -> None:
-    other = make_flights(17, mode=Mode.NOMINAL)
+    other = make_flights(17, mode=Mode.NOMINAL, mission_sha256=campaign.mission_sha256)
     path = tmp_path / "campaigns.npz"
     save_campaigns(path, {"ampi": campaign, "nominal": other})
     loaded = load_campaigns(path)
@@ -184,3 +184,73 @@ def test_saving_again_replaces_the_file(
     loaded = load_campaigns(path)
     assert list(loaded) == ["ampi"]
     assert_identical(loaded["ampi"], second)
+
+
+def test_a_file_keeps_campaigns_of_one_mission(
+    make_flights: Callable[..., Flights], tmp_path: Path
+) -> None:
+    other = make_flights(5, mission_sha256="1" * 64, mission="other")
+    with pytest.raises(ValueError, match="one mission, got a of synthetic, b of other"):
+        save_campaigns(tmp_path / "two.npz", {"a": make_flights(5), "b": other})
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"miss": np.zeros(4)}, r"flights.parameters: expected an array of shape \(4, 6\)"),
+        ({"status": np.full(5, 0.5)}, "flights.status: expected .* kind 'i', got"),
+        ({"status": np.full(5, 9)}, "flights.status: expected members of FlightStatus"),
+        ({"miss": np.full(5, np.nan)}, "flights.miss: expected finite numbers of every flight"),
+        ({"peak": np.ones((5, 2))}, r"flights.peak: expected an array of shape \(5, 3\)"),
+        ({"times": np.zeros(4)}, "expected times, and radii above 0, that increase strictly"),
+        ({"altitude_tolerance": np.nan}, "expected positive tolerances"),
+    ],
+)
+def test_flights_that_disagree_with_themselves_are_refused(
+    make_flights: Callable[..., Flights], changes: dict[str, object], message: str
+) -> None:
+    with pytest.raises(ValueError, match=message):
+        make_flights(5, **changes)
+
+
+@pytest.mark.parametrize("fault", ["value", "type", "missing", "mode", "no digest"])
+def test_a_file_changed_by_hand_is_refused(
+    make_flights: Callable[..., Flights], tmp_path: Path, fault: str
+) -> None:
+    path = tmp_path / "flights.npz"
+    save_campaigns(path, {"ampi": make_flights(5), "mpi": make_flights(5, mode=Mode.MPI)})
+    with np.load(path) as packed:
+        arrays = {key: packed[key] for key in packed.files}
+    if fault == "value":
+        arrays["ampi/miss"][2] = 1.0
+    elif fault == "type":
+        arrays["ampi/status"] = arrays["ampi/status"].astype(float)
+    elif fault == "missing":
+        del arrays["mpi/peak"]
+    elif fault == "mode":
+        arrays["ampi/mode"] = np.asarray("best")
+    else:
+        del arrays["sha256"]
+    np.savez(path, **arrays)
+    with pytest.raises(ValueError, match="not a whole file of flights"):
+        load_campaigns(path)
+
+
+def test_damage_of_any_byte_is_one_sentence(
+    make_flights: Callable[..., Flights], tmp_path: Path
+) -> None:
+    path = tmp_path / "flights.npz"
+    save_campaigns(path, {"ampi": make_flights(5)})
+    whole = path.read_bytes()
+    rng = np.random.default_rng(1)
+    for cut in (True, False):
+        for place in rng.integers(0, len(whole), 400):
+            damaged = bytearray(whole[:place] if cut else whole)
+            if not cut:
+                damaged[place] ^= 1 << int(rng.integers(8))
+            path.write_bytes(damaged)
+            try:
+                load_campaigns(path)  # some bytes of a zip say nothing
+            except ValueError as error:
+                assert "not a whole file of flights" in str(error)
