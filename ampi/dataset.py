@@ -163,20 +163,48 @@ def read_dataset(path: str | Path) -> TrajectoryDataset:
         raise DatasetError(f"{path}: no such file; make one with: ampi build MISSION {path}")
     _refuse_broken_seal(path)
     try:
-        with h5py.File(path, "r") as file:
+        with opened(path) as file:
             return _read_checked(file, path)
     except (DatasetError, MissionError):
         raise
     except (OSError, KeyError, RuntimeError, TypeError, ValueError, zlib.error) as error:
+        refuse_while_written(path)
         raise DatasetError(
             f"{path}: not a readable trajectory database, or damaged ({error}); rebuild it"
         ) from None
 
 
+def opened(path: Path) -> h5py.File:
+    """A database file for reading, without HDF5's lock.
+
+    Some file systems have no locks, and a reader needs none: what another program writes meanwhile
+    breaks the seal.
+    """
+    return h5py.File(path, "r", locking=False)
+
+
+def refuse_while_written(path: Path) -> None:
+    """Raise DatasetError if another program has the file open for writing: it need not be damaged.
+
+    HDF5 holds a lock (flock) on a file that it writes. Where there are no locks, nobody can tell.
+    """
+    import fcntl  # a reader without trouble needs no POSIX
+
+    with path.open("rb") as handle:
+        try:
+            fcntl.flock(handle, fcntl.LOCK_SH | fcntl.LOCK_NB)
+        except BlockingIOError:
+            raise DatasetError(
+                f"{path}: another program has the file open for writing; close it there and try again"
+            ) from None
+        except OSError:
+            return
+
+
 def stored_mission(path: Path) -> str | None:
     """Mission TOML of a database file, unchecked; None if it is not one."""
     try:
-        with h5py.File(path, "r") as file:
+        with opened(path) as file:
             return str(file.attrs["mission_toml"])
     except (OSError, KeyError):
         return None
@@ -213,6 +241,7 @@ def _refuse_broken_seal(path: Path) -> None:
     with path.open("rb") as handle:
         sealed = handle.read(len(SEAL)) == SEAL
     if sealed and not seal_holds(path):
+        refuse_while_written(path)
         raise DatasetError(
             f"{path}: the file does not match its checksum, it is damaged; rebuild it "
             "('ampi verify' says what is damaged)"

@@ -37,7 +37,7 @@ from database.claim import claim, fingerprint_of
 from database.engines import ClusterEngine, Engine, LocalEngine
 from database.gains import GainSettings
 from database.hdf5_file import decoded_block
-from database.lock import LockedError, exclusive
+from database.lock import LockedError, NoLocksError, exclusive
 from database.plan import case_name, planned_jobs
 from database.provenance import provenance
 from database.records import (
@@ -157,12 +157,12 @@ def build(
         raise BuildError(f"n_jobs: expected at least 1 worker process, got {n_jobs}")
     if not 0.0 < time_limit < np.inf:
         raise BuildError(f"time_limit: expected a positive number of seconds, got {time_limit}")
-    path = Path(path)
+    path = Path(path).absolute()  # what `advance` or a solver does may change the working folder
     if not path.parent.is_dir():
         raise BuildError(f"path: the folder {path.parent} does not exist")
     _refuse_unknown(mission, solver)
     _refuse_other_database(path, mission)
-    folder = partial_folder(path.absolute())  # workers may stand elsewhere
+    folder = partial_folder(path)
     settings = gains or GainSettings()
     campaign = Campaign(mission.toml, folder, solver, time_limit, settings, build=str(uuid4()))
     try:
@@ -335,6 +335,11 @@ def _told(folder: Path, path: Path) -> Iterator[None]:
     except LockedError as locked:
         raise BuildError(
             f"{path} is being built by {locked.holder}; wait for it, or choose another path"
+        ) from None
+    except NoLocksError as error:
+        raise BuildError(
+            f"{folder}: its file system has no locks ({error}), so nothing would keep two builds of one "
+            "file apart; choose a path on another file system, or mount this one with locks"
         ) from None
     except OSError as error:
         reason = error.strerror or str(error)

@@ -17,7 +17,16 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
-from ampi.dataset import DIGEST, FIELDS, SEAL_BYTES, DatasetError, Field, content_digest, seal
+from ampi.dataset import (
+    DIGEST,
+    FIELDS,
+    SEAL_BYTES,
+    DatasetError,
+    Field,
+    content_digest,
+    opened,
+    seal,
+)
 from ampi.file_sink import FileSink
 from ampi.trajectory import Status
 
@@ -67,7 +76,7 @@ def write_dataset(
             finally:
                 sink.check()  # before what HDF5 says of it
         seal(temporary)
-        with h5py.File(temporary, "r") as file:
+        with opened(temporary) as file:
             if file.attrs.get(DIGEST) != digest:
                 raise DatasetError(f"{temporary}: the file does not read back as it was written")
         temporary.replace(path)

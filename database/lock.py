@@ -22,6 +22,10 @@ class LockedError(RuntimeError):
         self.holder = holder
 
 
+class NoLocksError(RuntimeError):
+    """The file system of the folder has no locks."""
+
+
 @contextmanager
 def exclusive(folder: Path) -> Iterator[None]:
     """Hold `folder` (made if absent) until the end of the block.
@@ -30,6 +34,8 @@ def exclusive(folder: Path) -> Iterator[None]:
     ------
     LockedError
         If another process holds it.
+    NoLocksError
+        If the file system cannot say whether one does.
     """
     try:
         with _held(folder):
@@ -56,6 +62,8 @@ def _held(folder: Path) -> Iterator[None]:
             except BlockingIOError:
                 file.seek(0)
                 raise LockedError(file.read().strip() or "another process") from None
+            except OSError as error:  # ENOLCK, ENOTSUP, ENOSYS: by file system
+                raise NoLocksError(error.strerror) from None
             if not _is_at(path, file.fileno()):
                 continue  # the holder before us has finished, and removed what we have just locked
             file.truncate(0)

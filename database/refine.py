@@ -19,7 +19,7 @@ from ampi.dataset import TrajectoryDataset, read_dataset
 from ampi.missions.mission import Mission, leaves, parse_mission
 from ampi.scp.solve import solve
 from database.build import BuildReport, KnownCase, build
-from database.campaign import Solver, as_built
+from database.campaign import BuildError, Solver, as_built
 from database.error_map import CellError, best_cell, error_map
 from database.grid import Grid
 
@@ -61,6 +61,12 @@ def refine(
     advance
         Called with the number of cases just finished.
     """
+    output = Path(output).absolute()
+    if output.resolve() == Path(path).resolve():
+        raise BuildError(
+            f"output: expected another file than the database to refine, got {output}; "
+            "choose another path"
+        )
     dataset = read_dataset(path)
     settings = as_built(dataset, solver)
     cell = best_cell(error_map(dataset, n_jobs=n_jobs), parameter)

@@ -33,7 +33,9 @@ from ampi.dataset import (
     axis_faults,
     content_digest,
     is_this_schema,
+    opened,
     partial_folder,
+    refuse_while_written,
     seal_holds,
 )
 from ampi.missions.mission import parse_mission
@@ -70,7 +72,7 @@ def verify(path: str | Path) -> Verification:
     Raises
     ------
     DatasetError
-        If there is no file to check.
+        If there is no file to check, or another program is writing it.
     """
     path = Path(path)
     if not path.is_file():
@@ -81,6 +83,8 @@ def verify(path: str | Path) -> Verification:
     with path.open("rb") as handle:
         sha256 = hashlib.file_digest(handle, "sha256").hexdigest()
     sealed = seal_holds(path)
+    if not sealed:
+        refuse_while_written(path)
     found = Findings() if sealed else _in_a_process_of_its_own(path)
     if sealed:
         examine(path, found)
@@ -110,7 +114,7 @@ class Findings:
 def examine(path: Path, found: Findings) -> None:
     """Let HDF5 read the file to its end, noting what is wrong."""
     try:
-        with h5py.File(path, "r") as file:
+        with opened(path) as file:
             found.datasets = len(file)
             for fault in _check(file):
                 found.faults.append(fault)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import fcntl
 import json
 import re
 import shutil
@@ -17,7 +18,7 @@ import numpy as np
 import pytest
 import xarray
 
-from ampi.dataset import FIELDS, DatasetError, read_dataset, seal
+from ampi.dataset import FIELDS, DatasetError, read_dataset, seal, stored_mission
 from ampi.loading import guidance_table, load_guidance
 from ampi.missions.family import MissionFamily
 from ampi.missions.mission import Mission, parse_mission
@@ -29,6 +30,7 @@ from ampi.trajectory import Status, Trajectory
 from database.gains import GainSettings, vertex_gains
 from database.grid import Grid
 from database.prediction import predicted
+from database.verify import verify
 
 
 def test_xarray_opens_it_with_named_dimensions(small_database: Path) -> None:
@@ -276,3 +278,29 @@ def test_a_flipped_bit_anywhere_is_found(small_database: Path, tmp_path: Path) -
         path.write_bytes(flipped)
         with pytest.raises(DatasetError):
             read_dataset(path)
+
+
+def test_reading_needs_no_lock(small_database: Path, tmp_path: Path) -> None:
+    """HDF5 holds this lock while it writes, and on some file systems none can be had."""
+    path = tmp_path / "open.h5"
+    shutil.copy(small_database, path)
+    with path.open("rb+") as elsewhere:
+        fcntl.flock(elsewhere, fcntl.LOCK_EX)
+        assert read_dataset(path).solved.all()
+        assert verify(path).whole
+        assert stored_mission(path) is not None
+
+
+@pytest.mark.parametrize("reader", [read_dataset, verify])
+def test_a_file_that_is_being_written_is_not_called_damaged(
+    small_database: Path, tmp_path: Path, reader: Any
+) -> None:
+    path = tmp_path / "open.h5"
+    shutil.copy(small_database, path)
+    with path.open("rb+") as elsewhere:
+        fcntl.flock(elsewhere, fcntl.LOCK_EX)
+        elsewhere.truncate(path.stat().st_size - 1)
+        with pytest.raises(DatasetError, match="another program has the file open for writing"):
+            reader(path)
+    with pytest.raises(DatasetError, match="it is damaged; rebuild it"):
+        read_dataset(path)

@@ -18,11 +18,19 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
+import h5py
 import numpy as np
 import pytest
 
 import database
-from ampi.dataset import TrajectoryDataset, partial_folder, read_dataset
+from ampi.dataset import (
+    DIGEST,
+    DatasetError,
+    TrajectoryDataset,
+    partial_folder,
+    read_dataset,
+    seal,
+)
 from ampi.missions.mission import Mission, parse_mission
 from ampi.trajectory import Status
 from database.campaign import BuildError, Campaign
@@ -431,6 +439,51 @@ def test_the_lock_of_a_dead_process_locks_nothing(small_mission: Mission, tmp_pa
     assert database.build(small_mission, path, n_jobs=1, solver=neighbour_moved).solved == 9
     with pytest.raises(FileNotFoundError), (partial_folder(path) / "lock").open() as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)
+
+
+def test_a_file_system_without_locks_is_one_sentence(
+    small_mission: Mission, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def no_locks(file: object, operation: int) -> None:
+        raise OSError(errno.ENOLCK, os.strerror(errno.ENOLCK))
+
+    monkeypatch.setattr("database.lock.fcntl.flock", no_locks)
+    with pytest.raises(BuildError, match=r"its file system has no locks \(No locks.*choose a path"):
+        database.build(small_mission, tmp_path / "a.h5", solver=neighbour_moved)
+
+
+def test_a_relative_path_means_what_it_meant_when_it_was_given(
+    small_mission: Mission,
+    undisturbed: bytes,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Whatever is called during the build may change the working folder."""
+    other = tmp_path / "other"
+    other.mkdir()
+    monkeypatch.chdir(tmp_path)
+    database.build(
+        small_mission, "a.h5", n_jobs=1, solver=neighbour_moved, advance=lambda _: os.chdir(other)
+    )
+    assert (tmp_path / "a.h5").read_bytes() == undisturbed
+    assert list(other.iterdir()) == []
+
+
+def test_what_does_not_read_back_as_it_was_written_gets_no_name(
+    small_mission: Mission, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A disk that answers with something else than it was given."""
+
+    def altered(path: Path) -> None:
+        with h5py.File(path, "r+") as file:
+            file.attrs[DIGEST] = "0" * 64
+        seal(path)
+
+    monkeypatch.setattr("database.hdf5_file.seal", altered)
+    with pytest.raises(DatasetError, match="does not read back as it was written"):
+        database.build(small_mission, tmp_path / "a.h5", n_jobs=1, solver=neighbour_moved)
+    assert not (tmp_path / "a.h5").exists()
+    assert not list(tmp_path.glob("*.tmp"))
 
 
 def interrupted(mission: Mission, path: Path, after: int = 1) -> None:

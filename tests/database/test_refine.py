@@ -159,6 +159,16 @@ def test_a_refinement_is_not_continued_from_another_source(
     assert refine(one, output, **options).build.resumed >= 9
 
 
+def test_the_database_to_refine_is_no_output(uneven_file: Path, tmp_path: Path) -> None:
+    link = tmp_path / "link.h5"
+    link.symlink_to(uneven_file)
+    for output in (uneven_file, link):
+        with pytest.raises(
+            BuildError, match="output: expected another file than the database to re"
+        ):
+            refine(uneven_file, output)
+
+
 def test_an_output_that_is_a_link_stays_one(small_mission: Mission, tmp_path: Path) -> None:
     elsewhere = tmp_path / "disk" / "a.h5"
     elsewhere.parent.mkdir()
