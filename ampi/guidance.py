@@ -31,6 +31,7 @@ class Health(IntEnum):
     BOUNDARY_REFERENCE = 1  # the parameters lie outside the hypercube
     BAD_NAVIGATION = 2  # an input is no number: the reference's own bank rate is commanded
     AFTER_FINAL_TIME = 3  # the reference has ended: the bank angle is held
+    HOLE_REFERENCE = 4  # the reference needs a case without solution: its neighbour stands for it
 
 
 @dataclass(frozen=True)
@@ -121,6 +122,7 @@ class Guidance:
             Present bank rate (rad/s).
         """
         health = Health.GOOD if reference.inside else Health.BOUNDARY_REFERENCE
+        health = Health.HOLE_REFERENCE if reference.hole else health
         sane = bool(abs(time) < SANE and abs(bank_rate) < SANE and np.all(np.abs(state) < SANE))
         ended = bool(time >= reference.final_time)  # false for a time that is no number
         if not sane:

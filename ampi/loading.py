@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 
@@ -10,42 +11,58 @@ from ampi.dataset import DatasetError, TrajectoryDataset, read_dataset
 from ampi.guidance import Guidance
 from ampi.missions.mission import mission_digest
 from ampi.onboard.reference import Mode
-from ampi.onboard.table import GuidanceTable
+from ampi.onboard.table import GuidanceTable, nearest_solved
 from ampi.tracking.bank_limiter import BankLimits
 
+Holes = Literal["refuse", "fly"]
 
-def guidance_table(dataset: TrajectoryDataset) -> GuidanceTable:
+
+def guidance_table(dataset: TrajectoryDataset, holes: Holes = "refuse") -> GuidanceTable:
     """Pack states, bank rate and gains of a database into the table that flies.
+
+    With `holes="fly"` a case without solution takes the rows of the nearest one that has one, and the
+    table says so.
 
     Raises
     ------
     DatasetError
-        If a case has no solution: a table with holes cannot fly.
+        If a case has no solution and the table was not asked to fly all the same; or if none has one.
     """
-    missing = np.flatnonzero(~dataset.solved.ravel())
-    if len(missing):
+    if holes not in ("refuse", "fly"):
+        raise ValueError(f"holes: expected refuse or fly, got {holes!r}")
+    solved = dataset.solved
+    missing = np.flatnonzero(~solved.ravel())
+    if len(missing) and (holes == "refuse" or not solved.any()):
         first = int(missing[0])
         message = dataset.message.ravel()[first].decode("utf-8", "replace")
         raise DatasetError(
-            f"{len(missing)} of {dataset.solved.size} cases have no solution, the first is case "
-            f"{first}: {message}. A table with holes cannot fly"
+            f"{len(missing)} of {solved.size} cases have no solution, the first is case "
+            f"{first}: {message}. A table with holes cannot fly unless it is asked to (holes='fly')"
         )
+    rows = np.concatenate([dataset.states, dataset.bank_rate[..., None, :], dataset.gains], axis=-2)
+    final_time = dataset.final_time
+    if len(missing):
+        nearest = nearest_solved(dataset.axes, solved).ravel()
+        cases = rows.reshape(-1, *rows.shape[-2:])
+        cases[missing] = cases[nearest[missing]]
+        final_time = final_time.ravel()[nearest].reshape(final_time.shape)
     nominal = dataset.mission.nominal_parameters
     return GuidanceTable(
         axes=dataset.axes,
-        values=np.concatenate(
-            [dataset.states, dataset.bank_rate[..., None, :], dataset.gains], axis=-2
-        ),
-        final_time=dataset.final_time,
+        values=rows,
+        final_time=final_time,
         conversion=dataset.conversion,
         high_density_time=(dataset.high_density_time[0], dataset.high_density_time[1]),
         centre=tuple(
             int(np.argmin(np.abs(axis - x))) for axis, x in zip(dataset.axes, nominal, strict=True)
         ),
+        solved=solved if len(missing) else None,
     )
 
 
-def load_guidance(path: str | Path, *, mode: Mode | str = Mode.AMPI) -> Guidance:
+def load_guidance(
+    path: str | Path, *, mode: Mode | str = Mode.AMPI, holes: Holes = "refuse"
+) -> Guidance:
     """Guidance from a database file, checked: schema version, checksums, completeness.
 
     Parameters
@@ -54,6 +71,9 @@ def load_guidance(path: str | Path, *, mode: Mode | str = Mode.AMPI) -> Guidance
         File made by `database.build`.
     mode
         "ampi" (default), "mpi", "quadratic" or "nominal".
+    holes
+        Of a database in which cases have no solution: "refuse" it, or "fly" it, with references flagged
+        where they need such a case (`Reference.hole`).
 
     Raises
     ------
@@ -63,7 +83,7 @@ def load_guidance(path: str | Path, *, mode: Mode | str = Mode.AMPI) -> Guidance
     dataset = read_dataset(path)
     limits, names = dataset.mission.limits, dataset.names
     return Guidance(
-        guidance_table(dataset),
+        guidance_table(dataset, holes),
         BankLimits(limits.bank_angle, limits.bank_rate, limits.bank_acceleration),
         Mode(mode),
         limit_axes={

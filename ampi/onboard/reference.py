@@ -42,6 +42,7 @@ class Reference:
     final_time: float  # s
     cell: tuple[int, ...]  # first grid index on each axis
     clipped: tuple[bool, ...]  # axes on which p lies outside the hypercube
+    hole: bool  # part of it is borrowed from the neighbour of a case without solution
     parameters: tuple[float, ...]  # the measured p, as it was given
 
     @property
@@ -59,6 +60,7 @@ class Reference:
             self.final_time,
             self.cell,
             self.clipped,
+            self.hole,
             self.parameters,
         )
 
@@ -124,5 +126,18 @@ class ReferenceGenerator:
             final_time=final_time,
             cell=tuple(first),
             clipped=tuple(clipped) if self.mode is not Mode.NOMINAL else (False,) * len(clipped),
+            hole=table.solved is not None and self._in_a_hole(first, table.solved),
             parameters=tuple(measured.tolist()),
         )
+
+    def _in_a_hole(self, first: list[int], solved: NDArray[np.bool_]) -> bool:
+        """Whether a hole has weight: a weight is 0 only where p is a grid point of its axis."""
+        window = []
+        for i, k in enumerate(self._interpolator.widths):
+            low, high = 0, k
+            while self._weights[i, low] == 0.0:
+                low += 1
+            while self._weights[i, high - 1] == 0.0:
+                high -= 1
+            window.append(slice(first[i] + low, first[i] + high))
+        return not solved[tuple(window)].all()

@@ -3,11 +3,16 @@
 For each grid point of the parameter space the nodal values of 7 states, the bank rate and 7 tracking
 gains (15 rows), and the final time; besides, the LD→HD matrix of the mesh. Checked whole when it is
 built, on the ground: in flight nothing is left to refuse.
+
+A hole is a grid point without an optimum of its own. A table that is to fly with holes holds there the
+rows of the nearest grid point that has one, and says so in `solved`: in the cells of a hole the
+reference is then that of a point moved towards what was solved, as beyond the hypercube it is that of
+the boundary, never an extrapolation; elsewhere it is what it would be without the hole.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,6 +35,7 @@ class GuidanceTable:
     conversion: Array  # (n, m), P_FRP of Eq. (32)
     high_density_time: tuple[Array, Array]  # (a, b) of t = a + b t_f, each (m,)
     centre: tuple[int, ...]  # grid index of the nominal parameters
+    solved: NDArray[np.bool_] | None = None  # (n_1 … n_d), false: a hole; None: there are none
 
     def __post_init__(self) -> None:
         shape = tuple(len(axis) for axis in self.axes)
@@ -42,6 +48,8 @@ class GuidanceTable:
                 ((m,), (m,)),
             ),
         }
+        if self.solved is not None:
+            expected["solved"] = (self.solved.shape, shape)
         for name, (got, wanted) in expected.items():
             if got != wanted:
                 raise ValueError(f"guidance table: {name} has shape {got}, expected {wanted}")
@@ -61,27 +69,39 @@ class GuidanceTable:
             raise ValueError("guidance table: the columns of the LD→HD matrix must sum to one")
         for array in (*shared, self.values, self.final_time):
             array.setflags(write=False)
+        if self.solved is not None:
+            self.solved.setflags(write=False)
 
     def corners(self) -> GuidanceTable:
         """The outer 2^d vertices alone: the database of the basic MPI."""
-        ends = tuple(slice(None, None, max(len(axis) - 1, 1)) for axis in self.axes)
-        return GuidanceTable(
-            axes=tuple(axis[e] for axis, e in zip(self.axes, ends, strict=True)),
-            values=np.ascontiguousarray(self.values[ends]),
-            final_time=np.ascontiguousarray(self.final_time[ends]),
-            conversion=self.conversion,
-            high_density_time=self.high_density_time,
-            centre=tuple(0 for _ in self.axes),
-        )
+        return self._part(tuple(slice(None, None, max(len(axis) - 1, 1)) for axis in self.axes))
 
     def nominal(self) -> GuidanceTable:
         """The hypercentre alone."""
-        at = tuple(slice(i, i + 1) for i in self.centre)
-        return GuidanceTable(
-            axes=tuple(axis[e] for axis, e in zip(self.axes, at, strict=True)),
-            values=np.ascontiguousarray(self.values[at]),
-            final_time=np.ascontiguousarray(self.final_time[at]),
-            conversion=self.conversion,
-            high_density_time=self.high_density_time,
+        return self._part(tuple(slice(i, i + 1) for i in self.centre))
+
+    def _part(self, cut: tuple[slice, ...]) -> GuidanceTable:
+        return replace(
+            self,
+            axes=tuple(axis[c] for axis, c in zip(self.axes, cut, strict=True)),
+            values=np.ascontiguousarray(self.values[cut]),
+            final_time=np.ascontiguousarray(self.final_time[cut]),
             centre=tuple(0 for _ in self.axes),
+            solved=None if self.solved is None else np.ascontiguousarray(self.solved[cut]),
         )
+
+
+def nearest_solved(axes: tuple[Array, ...], solved: NDArray[np.bool_]) -> NDArray[np.intp]:
+    """For each grid point the flat index (C order) of the nearest one with an optimum, (n_1 … n_d).
+
+    Near in shares of each axis' range; of several equally near ones, the first. On the ground only.
+    """
+    nearest = np.arange(solved.size).reshape(solved.shape)
+    shares = [(axis - axis[0]) / max(axis[-1] - axis[0], np.finfo(float).tiny) for axis in axes]
+    for hole in zip(*np.nonzero(~solved), strict=True):
+        distance = np.where(solved, 0.0, np.inf)
+        for i, share in enumerate(shares):
+            along = (share - share[hole[i]]) ** 2
+            distance += along.reshape(-1, *(1,) * (solved.ndim - 1 - i))
+        nearest[hole] = int(np.argmin(distance))
+    return nearest

@@ -91,3 +91,33 @@ def test_a_hole_is_counted_and_its_message_told(database_file: Path) -> None:
         DatasetError, match=r"1 of 9 cases have no solution, the first is case 7: stopped for a r"
     ):
         guidance_table(dataset)
+
+
+def test_a_hole_flies_if_it_is_asked_to_and_is_told(database_file: Path) -> None:
+    dataset = read_dataset(database_file)
+    dataset.status[2, 1] = 3
+    for array in (dataset.states, dataset.bank_rate, dataset.gains):
+        array[2, 1] = np.nan
+    dataset.final_time[2, 1] = np.nan
+    table = guidance_table(dataset, "fly")
+    whole = guidance_table(read_dataset(database_file))
+    assert table.solved is not None
+    assert np.argwhere(~table.solved).tolist() == [[2, 1]]
+    assert np.array_equal(table.values[2, 1], whole.values[1, 1])  # at half a range, as its others
+    assert table.final_time[2, 1] == whole.final_time[1, 1]
+    others = table.solved
+    assert np.array_equal(table.values[others], whole.values[others])
+    assert np.array_equal(table.final_time[others], whole.final_time[others])
+
+
+def test_a_whole_database_has_no_mask_and_an_empty_one_does_not_fly(database_file: Path) -> None:
+    dataset = read_dataset(database_file)
+    assert guidance_table(dataset, "fly").solved is None
+    dataset.status[...] = 3
+    with pytest.raises(DatasetError, match="9 of 9 cases have no solution"):
+        guidance_table(dataset, "fly")
+
+
+def test_what_to_do_with_holes_is_one_of_two_words(database_file: Path) -> None:
+    with pytest.raises(ValueError, match="holes: expected refuse or fly, got 'yes'"):
+        load_guidance(database_file, holes="yes")  # type: ignore[arg-type]
