@@ -25,6 +25,7 @@ from ipopt_baseline import compare
 
 import ampi
 from ampi.dataset import read_dataset
+from ampi.physics.planet import great_circle_distance
 from ampi.propagation import reintegrate
 from database.audit import audit
 
@@ -46,8 +47,9 @@ def nominal_solution() -> dict[str, Any]:
     seconds = [ampi.solve(mission).statistics.solve_seconds for _ in range(5)]
     check = reintegrate(mission, optimum)
     end = check.states[0, :, -1] - optimum.states[:6, -1]
+    there = check.states[0, 1:3, -1]
     radius = mission.flight_model.planet.equatorial_radius
-    horizontal = radius * np.hypot(end[1] * np.cos(optimum.states[2, -1]), end[2])
+    horizontal = great_circle_distance(*optimum.states[1:3, -1], *there, radius)
     return {
         "status": optimum.status.name,
         "iterations": optimum.statistics.iterations,

@@ -32,6 +32,7 @@ from ampi.physics.aerodynamics import (
     PolynomialDragPolar,
     TabulatedAerodynamics,
 )
+from ampi.physics.angles import TURN, on_turn_of
 from ampi.physics.atmosphere import Atmosphere, ExponentialAtmosphere, StandardAtmosphere1976
 from ampi.physics.equations_of_motion import FlightModel
 from ampi.physics.path_constraints import PATH_CONSTRAINTS, path_constraints
@@ -193,11 +194,11 @@ class EntrySection(Section):
     """State at the entry interface, Table 1; the bank angle there is free."""
 
     altitude: u.Length = Field(ge=0, le=130e3)
-    longitude: u.Angle = Field(ge=-2 * np.pi, le=2 * np.pi)
+    longitude: u.CircularAngle = Field(ge=-2 * TURN, le=2 * TURN)
     latitude: u.Angle = Field(gt=-0.5 * np.pi, lt=0.5 * np.pi)
     speed: u.Speed = Field(ge=10, le=12e3)
     flight_path_angle: u.Angle = Field(gt=-0.5 * np.pi, lt=0.5 * np.pi)
-    azimuth: u.Angle = Field(ge=-2 * np.pi, le=2 * np.pi)
+    azimuth: u.CircularAngle = Field(ge=-2 * TURN, le=2 * TURN)
 
 
 class TargetSection(Section):
@@ -210,7 +211,7 @@ class TargetSection(Section):
     """
 
     altitude: u.Length = Field(ge=0, le=120e3)
-    longitude: u.Angle = Field(ge=-2 * np.pi, le=2 * np.pi)
+    longitude: u.CircularAngle = Field(ge=-2 * TURN, le=2 * TURN)
     latitude: u.Angle = Field(gt=-0.5 * np.pi, lt=0.5 * np.pi)
     speed: u.Speed = Field(ge=10, le=12e3)
     altitude_tolerance: u.Length = Field(gt=0)
@@ -219,7 +220,7 @@ class TargetSection(Section):
     radii: u.Lengths | None = None
     position: Literal["fixed", "free"] = "fixed"
     flight_path_angle: u.AngleRange | None = None
-    azimuth: u.AngleRange | None = None
+    azimuth: u.CircularRange | None = None
 
     @field_validator("radii")
     @classmethod
@@ -239,6 +240,14 @@ class TargetSection(Section):
     @classmethod
     def _number_is_a_range(cls, value: Any) -> Any:
         return (value, value) if isinstance(value, float) else value
+
+    @field_validator("azimuth")
+    @classmethod
+    def _range_crosses_south(cls, value: tuple[float, float] | None) -> tuple[float, float] | None:
+        """[170°, −170°] is [170°, 190°]."""
+        if value is not None and 0.5 * TURN < value[0] - value[1] <= TURN:
+            return value[0], value[1] + TURN
+        return value
 
     @field_validator("flight_path_angle", "azimuth")
     @classmethod
@@ -276,8 +285,8 @@ class LimitsSection(Section):
 class NoFlyZoneSection(Section):
     """A cylinder over a circle on the ground, Liu 2015, Eq. (71) with distances on the sphere."""
 
-    longitude: u.Angle
-    latitude: u.Angle
+    longitude: u.CircularAngle = Field(ge=-2 * TURN, le=2 * TURN)
+    latitude: u.Angle = Field(ge=-0.5 * np.pi, le=0.5 * np.pi)
     radius: u.Length = Field(gt=0)
 
 
@@ -323,7 +332,7 @@ class GuessSection(Section):
     With a heading corridor its sign turns over where the azimuth leaves bearing ± corridor.
     """
 
-    bank_angle: u.Angle = Field(ge=-np.pi, le=np.pi)
+    bank_angle: u.CircularAngle = Field(ge=-TURN, le=TURN)
     heading_corridor: u.Angle | None = Field(default=None, gt=0, lt=np.pi)
 
 
@@ -435,11 +444,12 @@ class Mission(Section):
         self._limits_hold_at("target", at_target, LATE)
         self._drag_floor_holds_at_the_target()
         self._zones_are_clear()
-        if self.guess is not None and abs(self.guess.bank_angle) > self.limits.bank_angle:
+        bank_angle = 0.0 if self.guess is None else on_turn_of(self.guess.bank_angle, 0.0)
+        if abs(bank_angle) > self.limits.bank_angle:
             raise ValueError(
                 f"guess.bank_angle: expected at most limits.bank_angle "
                 f"({self.limits.bank_angle / u.DEGREE:.4g}°) in size, "
-                f"got {self.guess.bank_angle / u.DEGREE:.4g}°"
+                f"got {bank_angle / u.DEGREE:.4g}°"
             )
 
     def _limits_hold_at(self, place: str, state: list[float], time: float) -> None:

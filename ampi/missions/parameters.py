@@ -24,6 +24,7 @@ from numpy.typing import ArrayLike, NDArray
 from pydantic import BaseModel
 
 from ampi.missions.units import UNITS, Dimension, dimension_of, si_symbol
+from ampi.physics.angles import on_turn_of
 
 Array = NDArray[np.float64]
 Path = tuple[str, ...]
@@ -49,6 +50,7 @@ class MissionNumber:
     unit: str  # SI; of a number without a unit in its key, what the mission file says of it
     per_unit: float  # SI per unit of the key
     nominal: float  # SI
+    is_circular: bool = False  # an angle that is the same modulo a turn
 
 
 @dataclass(frozen=True)
@@ -68,6 +70,15 @@ class Parameter:
     def axis(self) -> Array:
         """Values (not offsets), SI and radians."""
         return np.array([o * self.number.per_unit for o in self.offsets]) + self.number.nominal
+
+    def on_axis_turn(self, value: float) -> float:
+        """`value` (SI, rad), of a circular angle outside the axis on the turn nearest to its middle."""
+        if not self.number.is_circular:
+            return value
+        low, high = self.axis[[0, -1]]
+        if low <= value <= high:
+            return value
+        return float(on_turn_of(value, 0.5 * (low + high)))
 
 
 def mission_numbers(section: BaseModel, path: Path = ()) -> Iterator[MissionNumber]:
@@ -108,7 +119,9 @@ def _under_each_unit(
     else:
         for unit, factor in UNITS[dimension.name].items():
             symbol = si_symbol(dimension.name)
-            yield MissionNumber(f"{short}_{unit}", short, path, symbol, factor, value)
+            yield MissionNumber(
+                f"{short}_{unit}", short, path, symbol, factor, value, dimension.is_circular
+            )
 
 
 def resolve(mission: BaseModel, grid: Mapping[str, tuple[float, ...]]) -> tuple[Parameter, ...]:
@@ -158,7 +171,7 @@ def moved(section: Any, path: Path, value: float) -> Any:
 
 
 def parameter_values(parameters: tuple[Parameter, ...], given: ArrayLike) -> Array:
-    """`given` as one finite number per parameter.
+    """`given` as one finite number per parameter, circular angles on the turn of their axis.
 
     Raises
     ------
@@ -171,13 +184,17 @@ def parameter_values(parameters: tuple[Parameter, ...], given: ArrayLike) -> Arr
         raise ValueError(
             f"parameters: expected {len(parameters)} finite numbers ({names}), got {values}"
         )
-    return values
+    return np.array(
+        [p.on_axis_turn(value) for p, value in zip(parameters, values.tolist(), strict=True)]
+    )
 
 
 def measured_values(
     mission: BaseModel, parameters: tuple[Parameter, ...], given: Mapping[str, float]
 ) -> Array:
     """p (d,) with the numbers `given` by key, in the key's unit; the others are nominal.
+
+    A circular angle may be given on any turn.
 
     Raises
     ------
@@ -203,7 +220,7 @@ def measured_values(
             raise ValueError(f"{key}: {number.name} is given already, as {seen[number.name]}")
         seen[number.name] = key
         values[at[number.name]] = value * number.per_unit
-    return values
+    return parameter_values(parameters, values)
 
 
 def _by_whole_path(numbers: Iterable[MissionNumber]) -> dict[str, MissionNumber]:

@@ -35,14 +35,19 @@ UNITS: dict[str, dict[str, float]] = {
 
 @dataclass(frozen=True)
 class Dimension:
-    """Marks a field as a physical quantity; one number may stand for a range [least, greatest]."""
+    """Marks a field as a physical quantity; one number may stand for a range [least, greatest].
+
+    A circular angle is the same modulo a turn: longitude, azimuth, bank angle; latitude is not.
+    """
 
     name: str
     is_range: bool = False
+    is_circular: bool = False
 
 
 Length = Annotated[float, Dimension("length")]
 Angle = Annotated[float, Dimension("angle")]
+CircularAngle = Annotated[float, Dimension("angle", is_circular=True)]
 Speed = Annotated[float, Dimension("speed")]
 Time = Annotated[float, Dimension("time")]
 Mass = Annotated[float, Dimension("mass")]
@@ -56,6 +61,7 @@ PerAngleSquared = Annotated[float, Dimension("inverse angle squared")]
 PerLengthSquared = Annotated[float, Dimension("inverse length squared")]
 PerSpeedSquared = Annotated[float, Dimension("inverse speed squared")]
 AngleRange = Annotated[tuple[float, float], Dimension("angle", is_range=True)]
+CircularRange = Annotated[tuple[float, float], Dimension("angle", is_range=True, is_circular=True)]
 Lengths = Annotated[tuple[float, ...], Dimension("length")]
 
 

@@ -33,6 +33,7 @@ STATES = (
     "bank_angle",
 )
 STATE_UNITS = ("m", "rad", "rad", "m/s", "rad", "rad", "rad")
+CIRCULAR_STATES = (1, 5, 6)  # the same modulo a turn: longitude, azimuth, bank angle
 
 
 @dataclass(frozen=True)

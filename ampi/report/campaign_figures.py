@@ -15,10 +15,13 @@ from numpy.typing import NDArray
 
 from ampi.missions.mission import Mission
 from ampi.onboard.reference import Mode
+from ampi.physics.angles import wrapped
+from ampi.physics.equations_of_motion import CIRCULAR_STATES
 from ampi.report.ground_track import (
     TrackBundle,
     draw_ground_tracks,
     draw_target_window,
+    target_longitude,
     track_keys,
 )
 from ampi.report.look import INK, MODE_LOOKS, house_style, new_figure
@@ -81,7 +84,8 @@ def campaign_states(mission: Mission, campaigns: Mapping[str, Flights]) -> Figur
             colour = MODE_LOOKS[flights.mode].colour
             draw_bundle(axes, times, quantity.shown(states[:, i]), colour)
     target = mission.target
-    wanted = (target.altitude, target.longitude, target.latitude, target.speed)
+    ends = np.concatenate([flights.final_states[:, 1] for flights in shown.values()])
+    wanted = (target.altitude, target_longitude(mission, ends), target.latitude, target.speed)
     for axes, quantity, value in zip(panels, ENTRY_QUANTITIES, wanted, strict=False):
         axes.axhline(value * quantity.per_si, color=INK, linewidth=0.9, linestyle=":")
     target_key = Line2D([], [], color=INK, linewidth=0.9, linestyle=":", label="target")
@@ -96,6 +100,7 @@ def campaign_tracking_errors(mission: Mission, campaigns: Mapping[str, Flights])
     figure, panels = panel_grid([q.error_label() for q in ENTRY_QUANTITIES], 2)
     for flights in shown.values():
         errors = flights.states - flights.reference_states
+        errors[:, list(CIRCULAR_STATES)] = wrapped(errors[:, list(CIRCULAR_STATES)])
         for i, (axes, quantity) in enumerate(zip(panels, ENTRY_QUANTITIES, strict=True)):
             colour = MODE_LOOKS[flights.mode].colour
             draw_bundle(axes, flights.times, quantity.shown(errors[:, i]), colour)

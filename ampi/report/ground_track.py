@@ -10,6 +10,8 @@ from matplotlib.lines import Line2D
 from numpy.typing import NDArray
 
 from ampi.missions.mission import Mission
+from ampi.physics.angles import on_turn_of
+from ampi.physics.planet import bearing, great_circle_distance
 from ampi.report.look import INK, TARGET_COLOUR
 from ampi.report.panels import draw_bundle, marker_key
 from ampi.report.quantities import DEGREES, EAST, LATITUDE, LONGITUDE, NORTH
@@ -39,10 +41,19 @@ class TrackBundle:
 
 
 def tangent_plane(mission: Mission, longitude: Array, latitude: Array) -> Array:
-    """Offsets east and north of the target (m), stacked on a last axis."""
+    """Offsets east and north of the target (m), true in distance and bearing, on a last axis."""
+    target = mission.target.longitude, mission.target.latitude
     radius = mission.flight_model.planet.equatorial_radius
-    east = radius * np.cos(mission.target.latitude) * (longitude - mission.target.longitude)
-    return np.stack([east, radius * (latitude - mission.target.latitude)], axis=-1)
+    away = great_circle_distance(*target, longitude, latitude, radius)
+    azimuth = bearing(*target, longitude, latitude)
+    return np.stack([away * np.sin(azimuth), away * np.cos(azimuth)], axis=-1)
+
+
+def target_longitude(mission: Mission, ends: Array) -> float:
+    """The target's longitude (rad) on the turn of the tracks that end at `ends` (n,)."""
+    ends = ends[np.isfinite(ends)]
+    near = np.median(ends) if len(ends) else mission.entry.longitude
+    return float(on_turn_of(mission.target.longitude, near))
 
 
 def draw_ground_tracks(axes: Axes, mission: Mission, bundles: list[TrackBundle]) -> None:
@@ -51,7 +62,8 @@ def draw_ground_tracks(axes: Axes, mission: Mission, bundles: list[TrackBundle])
         longitude, latitude = LONGITUDE.shown(b.longitude), LATITUDE.shown(b.latitude)
         draw_bundle(axes, longitude, latitude, b.colour, width=b.width, alpha=b.alpha)
         axes.plot(longitude[:, 0], latitude[:, 0], ".", color=INK, markersize=3.5, zorder=3)
-    target = (mission.target.longitude * DEGREES, mission.target.latitude * DEGREES)
+    ends = np.concatenate([b.final[:, 0] for b in bundles])
+    target = (target_longitude(mission, ends) * DEGREES, mission.target.latitude * DEGREES)
     axes.plot(*target, "*", color=TARGET_COLOUR, markersize=11, zorder=4)
     axes.set(xlabel=LONGITUDE.label, ylabel=LATITUDE.label)
     middle = 0.5 * (mission.entry.latitude + mission.target.latitude)

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from ampi.missions.mission import Mission
+from ampi.physics.angles import wrapped
 from ampi.physics.planet import great_circle_distance
 from ampi.propagation import reintegrate
 from ampi.scp.methods import CIRCULAR_SPEED, EARTH_RADIUS, METHODS, Solution, solve_by
@@ -60,7 +61,7 @@ def end_errors(mission: Mission, trajectory: Trajectory) -> dict[str, float]:
     """Re-integrated minus optimised state at the end, and the greatest use of a limit on the way."""
     flown = reintegrate(mission, trajectory)
     error = flown.states[0, :, -1] - trajectory.states[:6, -1]
-    error[5] = (error[5] + np.pi) % (2.0 * np.pi) - np.pi
+    error[[1, 5]] = wrapped(error[[1, 5]])
     radius = mission.flight_model.planet.equatorial_radius
     final = trajectory.states[:, -1]
     away = great_circle_distance(

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from ampi.physics.planet import great_circle_distance
 from ampi.scp.problem import N_STATES, OptimalControlProblem
 from ampi.trajectory import Status
 
@@ -45,9 +46,10 @@ def verdict(
     if np.any(excess > settings.limit_excess):
         return Status.LIMITS_EXCEEDED
     error = np.zeros(N_STATES)
-    error[problem.target.state] = np.abs(problem.target.error(final))
-    miss = np.hypot(error[1] * np.cos(final[2]), error[2])
-    altitude, speed = problem.target_tolerance
-    if bought_off or miss > settings.horizontal_miss or error[0] > altitude or error[3] > speed:
+    error[problem.target.state] = problem.target.error(final)
+    there = final - error
+    miss = great_circle_distance(final[1], final[2], there[1], there[2], 1.0)
+    low, slow = np.abs(error[[0, 3]]) > problem.target_tolerance
+    if bought_off or miss > settings.horizontal_miss or low or slow:
         return Status.TARGET_MISSED
     return Status.SOLVED

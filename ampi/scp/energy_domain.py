@@ -37,7 +37,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ampi.missions.mission import Mission
-from ampi.physics.equations_of_motion import equations_of_motion
+from ampi.physics.equations_of_motion import CIRCULAR_STATES, equations_of_motion
 from ampi.physics.path_constraints import PATH_CONSTRAINTS, path_constraints
 from ampi.physics.vehicle import air_loads
 from ampi.pseudospectral.mesh import Mesh
@@ -122,7 +122,7 @@ class EnergyDomain:
         for state, angles in ((3, target.flight_path_angle), (4, target.azimuth)):
             if angles is not None:
                 held.append((state, *angles))
-        return tuple(FinalState(*row) for row in held)
+        return tuple(FinalState(*row, STATE_OF[row[0]] in CIRCULAR_STATES) for row in held)
 
     @property
     def terms(self) -> tuple[Term, ...]:

@@ -11,6 +11,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from ampi.physics.angles import on_turn_of
 from ampi.physics.planet import bearing
 from ampi.scp.coast import Coast
 from ampi.scp.energy_domain import EnergyDomain
@@ -54,6 +55,8 @@ def _great_circle(form: EnergyDomain, share: Array) -> tuple[Array, Array, Array
         np.outer(a, np.sin((1.0 - share) * angle)) + np.outer(b, np.sin(share * angle))
     ) / np.sin(angle)
     longitude, latitude = np.unwrap(np.arctan2(y, x)), np.arcsin(z)
-    longitude += 2.0 * np.pi * np.round((ends[0, 0] - longitude[0]) / (2.0 * np.pi))
+    longitude += on_turn_of(longitude[0], ends[0, 0]) - longitude[0]
     azimuth = bearing(longitude[:-1], latitude[:-1], target.longitude, target.latitude)
+    azimuth = np.unwrap(azimuth)
+    azimuth += on_turn_of(azimuth[0], first[5]) - azimuth[0]
     return longitude, latitude, np.append(azimuth, azimuth[-1])

@@ -21,6 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ampi.missions.mission import Mission
+from ampi.physics.angles import on_turn_of
 from ampi.physics.path_constraints import no_fly_zone
 from ampi.pseudospectral.mesh import Mesh
 from ampi.trajectory import Trajectory
@@ -47,11 +48,22 @@ class Term:
 
 @dataclass(frozen=True)
 class FinalState:
-    """A final state held to a range (scaled); equal bounds hold it to a value."""
+    """A final state held to a range (scaled); equal bounds hold it to a value.
+
+    A circular angle (rad) is the same modulo a turn.
+    """
 
     state: int
     lower: float
     upper: float
+    is_circular: bool = False
+
+    def change(self, final: float) -> tuple[float, float]:
+        """Least and greatest change that takes `final` into the range: of an angle, the short way."""
+        if self.is_circular:
+            middle = 0.5 * (self.lower + self.upper)
+            final += middle - on_turn_of(middle, final)
+        return self.lower - final, self.upper - final
 
 
 @dataclass(frozen=True)

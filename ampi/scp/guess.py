@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
 from ampi.missions.mission import Mission
-from ampi.physics.equations_of_motion import equations_of_motion
+from ampi.physics.angles import on_turn_of, wrapped
+from ampi.physics.equations_of_motion import CIRCULAR_STATES, equations_of_motion
 from ampi.physics.planet import bearing, great_circle_distance
 from ampi.pseudospectral.mesh import Mesh
 from ampi.trajectory import Trajectory
@@ -28,7 +29,7 @@ ROLL_TIME = 20.0  # s: time constant of a reversal, slow enough for the polynomi
 
 @dataclass(frozen=True)
 class ConstantBank:
-    """Fly at one bank angle (rad) from the entry state down to the target speed.
+    """Fly at one bank angle (rad, on any turn) from the entry state down to the target speed.
 
     With a heading corridor (rad) the sign of the bank angle turns over whenever the azimuth leaves
     bearing ± corridor.
@@ -36,6 +37,9 @@ class ConstantBank:
 
     bank_angle: float
     heading_corridor: float | None = None
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "bank_angle", float(on_turn_of(self.bank_angle, 0.0)))
 
 
 @dataclass(frozen=True)
@@ -85,7 +89,7 @@ def _fly(
     def leaves_corridor(t: float, x: Array) -> float:
         """Crosses zero upwards where the turn has gone too far."""
         turned = x[5] - bearing(x[1], x[2], target.longitude, target.latitude)
-        too_far = np.sign(command) * ((turned + np.pi) % (2.0 * np.pi) - np.pi)
+        too_far = np.sign(command) * wrapped(turned)
         return float(too_far - (guess.heading_corridor or np.inf))
 
     slow.terminal = ground.terminal = leaves_corridor.terminal = True  # type: ignore[attr-defined]
@@ -146,7 +150,7 @@ def default_guess(mission: Mission) -> ConstantBank | None:
 
 
 def from_trajectory(trajectory: Trajectory, mission: Mission) -> NodalGuess:
-    """A trajectory as guess, resampled if it was solved on another mesh."""
+    """A trajectory as guess, resampled if it was solved on another mesh, on the mission's turns."""
     mesh = mission.pseudospectral_mesh
     if trajectory.mesh == mesh:
         states, rate = trajectory.states, trajectory.bank_rate
@@ -154,9 +158,10 @@ def from_trajectory(trajectory: Trajectory, mission: Mission) -> NodalGuess:
         times = mesh.times(trajectory.final_time)
         states, _ = trajectory.at(np.minimum(times, trajectory.final_time))
         rate = collocated_rate(mesh, states[6], trajectory.final_time)
-    return NodalGuess(
-        states.T.copy(), rate.copy(), trajectory.final_time, trajectory.target_multipliers
-    )
+    states = states.T.copy()
+    for state, start in zip(CIRCULAR_STATES, (*mission.entry_state[[1, 5]], 0.0), strict=True):
+        states[:, state] += on_turn_of(states[0, state], start) - states[0, state]
+    return NodalGuess(states, rate.copy(), trajectory.final_time, trajectory.target_multipliers)
 
 
 def nodal_guess(mission: Mission, guess: ConstantBank | Trajectory) -> NodalGuess | None:

@@ -19,7 +19,8 @@ from numpy.typing import NDArray
 
 from ampi.missions.mission import TARGET_WEIGHTS, Mission
 from ampi.missions.parameters import ENTRY_STATES
-from ampi.physics.equations_of_motion import FlightModel
+from ampi.physics.angles import on_turn_of
+from ampi.physics.equations_of_motion import CIRCULAR_STATES, FlightModel
 from ampi.pseudospectral.mesh import Mesh
 from ampi.scp.node_functions import NodeFunctions
 from ampi.scp.objective import Objective
@@ -35,7 +36,7 @@ N_CORE = len(CORE)
 
 @dataclass(frozen=True)
 class Scaling:
-    """x = states · x̂; the bank rate is measured in its limit."""
+    """x = states · x̂, angles as they are; the bank rate is measured in its limit."""
 
     states: tuple[float, ...] = (1e4, 1.0, 1.0, 1e3, 1.0, 1.0, 1.0)  # m, rad, m/s
     final_time: float = 100.0  # s per unit of δt_f in the subproblem
@@ -55,8 +56,11 @@ class Target:
         return len(self.state)
 
     def error(self, final_state: Array) -> Array:
-        """e (m,) of a scaled final state (7,)."""
-        return np.asarray(final_state[self.state] - self.reference)
+        """e (m,) of a scaled final state (7,): of an angle, the short way round."""
+        error = np.asarray(final_state[self.state] - self.reference)
+        circular = np.isin(self.state, CIRCULAR_STATES)
+        error[circular] = on_turn_of(error[circular], 0.0)
+        return error
 
     def quadratic(self, error: Array) -> float:
         """Σ w e²."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ampi.missions.mission import Mission
+from ampi.physics.angles import on_turn_of
 from ampi.physics.planet import great_circle_distance
 from ampi.scp.node_functions import NodeFunctions
 from ampi.trajectory import Trajectory
@@ -66,7 +67,11 @@ def _missed(mission: Mission, trajectory: Trajectory) -> list[str]:
         ("flight_path_angle", final[4], target.flight_path_angle),
         ("azimuth", final[5], target.azimuth),
     ):
-        off = 0.0 if span is None else max(angle - span[1], span[0] - angle) / DEGREE
+        if span is None:
+            continue
+        if name == "azimuth":
+            angle = on_turn_of(angle, 0.5 * (span[0] + span[1]))
+        off = max(angle - span[1], span[0] - angle) / DEGREE
         if off > 0.1:
             found.append(f"the final {name} is {_short(off)}° off")
     return found

@@ -15,6 +15,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ampi.missions.mission import Mission
+from ampi.physics.angles import on_turn_of
 from ampi.pseudospectral.mesh import Mesh, Phase
 from ampi.scp.coast import until_drag, until_level
 from ampi.scp.collocation import line_mesh, trapezoid
@@ -55,6 +56,7 @@ def straight_line(points: int, flight_time: float) -> Callable[[Mission], Start 
         last = np.array([target.altitude, target.longitude, target.latitude, target.speed, 0, 0, 0])
         last[4] = first[4] if angles[0] is None else angles[0]
         last[5] = first[5] if angles[1] is None else angles[1]
+        last[[1, 5]] = on_turn_of(last[[1, 5]], first[[1, 5]])
         states = (first + (last - first) * tau[:, None]) / form.state_scale
         iterate = Iterate(line_mesh(tau), states, np.zeros((points, 1)), flight_time)
         return Start(form, iterate)

@@ -120,12 +120,12 @@ class Linearised:
         target = []
         for held in form.target:
             price = self.prices.target[held.state] * form.state_scale[held.state]
-            here = x[-1, held.state]
+            least, greatest = held.change(float(x[-1, held.state]))
             if np.isinf(price):
                 fixed = np.append(fixed, (n - 1) * n_x + held.state)
-                fixed_change = np.append(fixed_change, held.lower - here)
+                fixed_change = np.append(fixed_change, least)
             else:
-                target.append(TargetRow(held.state, held.lower - here, held.upper - here, price))
+                target.append(TargetRow(held.state, least, greatest, price))
         limit_rows, room, kind = _limits(lin, rule, form.final_scale)
         gradient, curvature, absolute = self._cost(lin, rule, at)
         if quadratic_penalty > 0.0:

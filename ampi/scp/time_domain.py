@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ampi.missions.mission import Mission
-from ampi.physics.equations_of_motion import equations_of_motion
+from ampi.physics.equations_of_motion import CIRCULAR_STATES, equations_of_motion
 from ampi.physics.path_constraints import PATH_CONSTRAINTS, path_constraints
 from ampi.physics.vehicle import air_loads
 from ampi.pseudospectral.mesh import Mesh
@@ -81,7 +81,10 @@ class TimeDomain:
             if angles is not None:
                 held.append((state, *angles))
         scale = self.state_scale
-        return tuple(FinalState(k, low / scale[k], high / scale[k]) for k, low, high in held)
+        return tuple(
+            FinalState(k, low / scale[k], high / scale[k], k in CIRCULAR_STATES)
+            for k, low, high in held
+        )
 
     @property
     def final_cost(self) -> float:

@@ -26,9 +26,8 @@ from ampi.missions.family import MissionFamily
 from ampi.missions.mission import Mission, mission_digest
 from ampi.onboard.reference import Mode
 from ampi.outputs import written
-from ampi.physics.angles import wrapped
 from ampi.physics.path_constraints import PATH_CONSTRAINTS, path_constraints
-from ampi.physics.planet import great_circle_distance
+from ampi.physics.planet import bearing, great_circle_distance
 from ampi.simulation.closed_loop import FlightBatch, FlightStatus, fly_batch
 from ampi.simulation.dispersions import Dispersions
 
@@ -321,11 +320,9 @@ def _assemble(
 def _track_frame(
     mission: Mission, family: MissionFamily, guidance: Guidance, final: Array, radius: Any
 ) -> tuple[Array, Array]:
-    """Miss (m) along and across the nominal final azimuth, on the tangent plane at the target."""
+    """Miss (m) along and across the nominal final azimuth, by its distance and bearing."""
     nominal = guidance.in_mode(Mode.NOMINAL).reference(mission.nominal_parameters)
-    azimuth = float(nominal.states[5, -1])
-    longitude, latitude = family.target("longitude"), family.target("latitude")
-    north = radius * (final[:, 2] - latitude)
-    east = radius * np.cos(latitude) * wrapped(final[:, 1] - longitude)
-    along = north * np.cos(azimuth) + east * np.sin(azimuth)
-    return along, east * np.cos(azimuth) - north * np.sin(azimuth)
+    target = family.target("longitude"), family.target("latitude")
+    miss = great_circle_distance(*target, final[:, 1], final[:, 2], radius)
+    off = bearing(*target, final[:, 1], final[:, 2]) - nominal.states[5, -1]
+    return miss * np.cos(off), miss * np.sin(off)

@@ -62,6 +62,14 @@ FAULTS = {
         "no_fly_zone 1: expected the target outside the zone, got it 56 km from the centre of a "
         "zone of 100 km; move the zone or the target",
     ),
+    "a zone over the target from another turn": (
+        ("[grid] # [S]", ZONE.format(longitude=315.0, latitude=66.0) + "[grid] # [S]"),
+        "no_fly_zone 1: expected the target outside the zone, got it 56 km from the centre of a ",
+    ),
+    "a guess that banks too far, on another turn": (
+        ("bank_angle_deg = 30.0", "bank_angle_deg = 290.0"),
+        "guess.bank_angle: expected at most limits.bank_angle (60°) in size, got -70°",
+    ),
     "a zone over the entry": (
         ("[grid] # [S]", ZONE.format(longitude=-11.0, latitude=72.0) + "[grid] # [S]"),
         "no_fly_zone 1: expected the entry outside the zone, got it 24 km from the centre of a "

@@ -289,6 +289,46 @@ def test_keys_in_full_are_measured_too(many: Mission) -> None:
     assert values[0] == pytest.approx(4700.0)
 
 
+ANGLES = """azimuth_deg = [-0.5, 0.0, 0.5]
+latitude_deg = [-0.5, 0.0, 0.5]
+"target.longitude_deg" = [0.0, 0.5]
+"""
+
+
+@pytest.mark.parametrize("turns", [-1, 1])
+def test_a_circular_angle_is_measured_on_any_turn(turns: int) -> None:
+    mission, turn = gridded(ANGLES), 360.0 * turns
+    given = {"azimuth_deg": -85.92 + turn, "target.longitude_deg": -45.5 - turn}
+    values = measured_values(mission, mission.parameters, given)
+    expected = np.radians([71.89, -85.92, -45.5])
+    assert values == pytest.approx(expected, rel=1e-14)
+    moved = mission.with_parameters(np.radians([71.89, -85.92 + turn, -45.5]))
+    assert moved.entry.azimuth == pytest.approx(np.radians(-85.92), rel=1e-14)
+    # a latitude does not come round
+    (key,) = (p.key for p in mission.parameters if p.name == "latitude")
+    far = measured_values(mission, mission.parameters, {key: 71.89 + turn})
+    assert far[0] == pytest.approx(np.radians(71.89 + turn))
+
+
+def test_an_axis_may_cross_a_meridian_at_which_angles_begin_again() -> None:
+    text = TEXT.replace("azimuth_deg = -85.92", "azimuth_deg = 179.0")
+    text = text.replace("longitude_deg = -11.60", "longitude_deg = 359.5")
+    axes = "azimuth_deg = [-2.0, 0.0, 2.0]\nlongitude_deg = [-1.0, 0.0, 1.0]\n"
+    mission = parse_mission(f"{text}[grid]\n{axes}")
+    assert np.degrees(mission.grid_axes[1]) == pytest.approx([177.0, 179.0, 181.0])
+    given = {"azimuth_deg": -179.5, "longitude_deg": 0.25}
+    values = measured_values(mission, mission.parameters, given)
+    assert np.degrees(values) == pytest.approx([360.25, 180.5])
+
+
+def test_a_range_of_azimuth_may_cross_south() -> None:
+    others, _, _ = load_mission("rlv_liu2024").toml.partition("[grid]")
+    across = parse_mission(others.replace("azimuth_deg = 90.0", "azimuth_deg = [170.0, -170.0]"))
+    assert across.target.azimuth == pytest.approx(np.radians([170.0, 190.0]))
+    with pytest.raises(MissionError, match=r"target.azimuth: expected a number or \[least"):
+        parse_mission(others.replace("azimuth_deg = 90.0", "azimuth_deg = [95.0, 60.0]"))
+
+
 def test_a_range_may_not_be_turned_inside_out() -> None:
     others, _, _ = load_mission("rlv_liu2024").toml.partition("[grid]")
     others = others.replace("azimuth_deg = 90.0", "azimuth_deg = [60.0, 95.0]")

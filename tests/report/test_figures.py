@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
+from dataclasses import replace
 
 import matplotlib
 import numpy as np
@@ -13,6 +14,7 @@ from matplotlib.figure import Figure
 from ampi.missions.mission import Mission
 from ampi.onboard.reference import Mode, ReferenceGenerator
 from ampi.onboard.table import GuidanceTable
+from ampi.physics.planet import destination
 from ampi.report.campaign_figures import (
     campaign_constraints,
     campaign_controls,
@@ -34,6 +36,7 @@ from ampi.report.footprint_figures import (
     footprint_ellipse,
     logarithmic_bins,
 )
+from ampi.report.ground_track import tangent_plane
 from ampi.report.look import MODE_LOOKS, ImageFormat, image_bytes
 from ampi.report.runge_figure import runge_phenomenon
 from ampi.report.single import reference_figure, trajectory_figure
@@ -141,6 +144,46 @@ def test_high_density_database_matches_the_flying_reference(
     np.testing.assert_allclose(
         database.states[:, database.nominal], reference.states, rtol=1e-12, atol=1e-12
     )
+
+
+def test_angles_on_another_turn_are_drawn_where_the_flights_are(
+    mission: Mission, campaigns: dict[str, Flights]
+) -> None:
+    turn, k = np.array([1, 5]), {"one": campaigns["mpi"]}
+    far = k["one"].states.copy()
+    far[:, turn] += 2.0 * np.pi
+    flown = {"one": replace(k["one"], states=far)}
+    for before, after in zip(
+        campaign_tracking_errors(mission, k).axes,
+        campaign_tracking_errors(mission, flown).axes,
+        strict=True,
+    ):
+        assert after.get_ylim() == pytest.approx(before.get_ylim(), rel=1e-6, abs=1e-9)
+    target = mission.target.model_copy(update={"longitude": mission.target.longitude + 2.0 * np.pi})
+    other = mission.model_copy(update={"target": target})
+    stars = [campaign_ground_tracks(m, k).axes[0].lines for m in (mission, other)]
+    here, there = (
+        next(np.asarray(line.get_xydata()) for line in lines if line.get_marker() == "*")
+        for lines in stars
+    )
+    assert there == pytest.approx(here, rel=1e-12)
+    level = [
+        [np.asarray(a.lines[-1].get_ydata())[0] for a in campaign_states(m, k).axes[:4]]
+        for m in (mission, other)
+    ]
+    assert level[0] == pytest.approx(level[1], rel=1e-12)
+
+
+def test_offsets_from_a_target_are_true_at_any_latitude(mission: Mission) -> None:
+    radius = mission.flight_model.planet.equatorial_radius
+    for latitude in (0.0, 1.2, 0.5 * np.pi - 1e-3):
+        target = mission.target.model_copy(update={"latitude": latitude, "longitude": 3.0})
+        there = mission.model_copy(update={"target": target})
+        azimuth, away = np.linspace(0.1, 6.2, 7), 0.02
+        points = destination(3.0 - 2.0 * np.pi, latitude, azimuth, away)
+        offsets = tangent_plane(there, *points) / (radius * away)
+        expected = np.stack([np.sin(azimuth), np.cos(azimuth)], axis=-1)
+        assert offsets == pytest.approx(expected, abs=1e-9)
 
 
 def test_ellipse_has_the_verdicts_area(campaigns: dict[str, Flights]) -> None:

@@ -77,12 +77,8 @@ def test_what_is_derived_follows_from_what_is_recorded(
     there = unit(np.array([target.longitude]), np.array([target.latitude]))
     chord = np.linalg.norm(here - there, axis=0)
     assert campaign.miss == pytest.approx(2.0 * radius * np.arcsin(0.5 * chord), rel=1e-7)
-    # close to the target the frame of the ground track is a rotation of the miss
-    near = campaign.miss < 2e3
-    assert near.sum() > N // 2
-    assert np.hypot(campaign.along, campaign.across)[near] == pytest.approx(
-        campaign.miss[near], rel=2e-3
-    )
+    # the frame of the ground track is a rotation of the miss, however far
+    assert np.hypot(campaign.along, campaign.across) == pytest.approx(campaign.miss, rel=1e-9)
     assert np.array_equal(campaign.altitude_error, final[:, 0] - target.altitude)
     assert np.array_equal(campaign.speed_error, final[:, 3] - target.speed)
     k = 7
