@@ -74,11 +74,11 @@ def _clamped_basis(knots: NDArray[np.float64], x: Any) -> list[Any]:
     last = knots[-1] - knots[-2]
     t = (x - knots[0]) / length
     # r has slope 1 at the right end; subtracting f'(end) r from f takes its slope there away
-    r = np.fmax(x - knots[-2], 0.0) ** 3 / (3.0 * last**2)
+    r = np.maximum(x - knots[-2], 0.0) ** 3 / (3.0 * last**2)
     basis = [1.0 + 0.0 * x, t**2 - 2.0 / length * r, t**3 - 3.0 / length * r]
     for knot in knots[1:-2]:
         width = knots[-1] - knot
-        basis.append((np.fmax(x - knot, 0.0) / width) ** 3 - 3.0 / width * r)
+        basis.append((np.maximum(x - knot, 0.0) / width) ** 3 - 3.0 / width * r)
     return basis
 
 
@@ -128,8 +128,8 @@ class TabulatedAerodynamics:
     def coefficients(self, angle_of_attack: Any, mach: Any) -> tuple[Any, Any]:
         """(C_L, C_D), the edge held outside the table."""
         alpha_knots, mach_knots, lift, drag = self._weights
-        alpha = np.fmin(np.fmax(angle_of_attack, alpha_knots[0]), alpha_knots[-1])
-        mach = np.fmin(np.fmax(mach, mach_knots[0]), mach_knots[-1])
+        alpha = np.minimum(np.maximum(angle_of_attack, alpha_knots[0]), alpha_knots[-1])
+        mach = np.minimum(np.maximum(mach, mach_knots[0]), mach_knots[-1])
         left, right = _clamped_basis(alpha_knots, alpha), _clamped_basis(mach_knots, mach)
 
         def evaluate(table: NDArray[np.float64]) -> Any:

@@ -84,12 +84,12 @@ class SmoothTable:
 
     def __call__(self, altitude: Any) -> Any:
         """Value at `altitude` (m)."""
-        inside = np.fmin(np.fmax(altitude, 0.0), self.top)
+        inside = np.minimum(np.maximum(altitude, 0.0), self.top)
         xi = inside * (2.0 / self.top) - 1.0
         eta = 2.0 * xi * xi - 1.0
         value = _horner(self.even, eta) + xi * _horner(self.odd, eta)
-        below = self.edge_slopes[0] * np.fmin(altitude, 0.0)
-        return value + below + self.edge_slopes[1] * np.fmax(altitude - self.top, 0.0)
+        below = self.edge_slopes[0] * np.minimum(altitude, 0.0)
+        return value + below + self.edge_slopes[1] * np.maximum(altitude - self.top, 0.0)
 
 
 def _halved(coefficients: NDArray[Any]) -> NDArray[np.float64]:

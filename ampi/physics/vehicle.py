@@ -55,7 +55,7 @@ class AngleOfAttackSchedule:
             before, after = np.sqrt(fraction**2 + s2), np.sqrt((fraction - 1.0) ** 2 + s2)
             fraction = 0.5 * (1.0 + before - after)
         else:
-            fraction = np.fmin(np.fmax(fraction, 0.0), 1.0)
+            fraction = np.minimum(np.maximum(fraction, 0.0), 1.0)
         if self.shape == "parabola":
             fraction = fraction * (2.0 - fraction)
         return self.start_angle + (self.end_angle - self.start_angle) * fraction

@@ -43,13 +43,13 @@ def verdict(
 
     `bought_off` says that the elastic target still is: then the iterate does not minimise the cost.
     """
-    if np.any(excess > settings.limit_excess):
+    if not np.all(excess <= settings.limit_excess):  # NaN too
         return Status.LIMITS_EXCEEDED
     error = np.zeros(N_STATES)
     error[problem.target.state] = problem.target.error(final)
     there = final - error
     miss = great_circle_distance(final[1], final[2], there[1], there[2], 1.0)
-    low, slow = np.abs(error[[0, 3]]) > problem.target_tolerance
-    if bought_off or miss > settings.horizontal_miss or low or slow:
+    near = np.all(np.abs(error[[0, 3]]) <= problem.target_tolerance)
+    if bought_off or not (near and miss <= settings.horizontal_miss):
         return Status.TARGET_MISSED
     return Status.SOLVED

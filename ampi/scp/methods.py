@@ -189,7 +189,7 @@ def _trajectory(
     return replace(
         flight,
         cost=_mission_cost(linearised, cost, at.final),
-        status=_status(mission, refined.status, flight, max(excess.values())),
+        status=_status(mission, refined.status, flight, float(np.max(list(excess.values())))),
         statistics=statistics,
     )
 
@@ -204,14 +204,17 @@ def _status(mission: Mission, ended: str, flight: Trajectory, excess: float) -> 
         return Status.ITERATION_LIMIT
     if ended.startswith("subproblem"):
         return Status.SUBPROBLEM_FAILED
-    if excess > 1e-3:
+    if not excess <= 1e-3:  # NaN too
         return Status.LIMITS_EXCEEDED
     target, final = mission.target, flight.states[:, -1]
     radius = mission.flight_model.planet.equatorial_radius
     miss = great_circle_distance(final[1], final[2], target.longitude, target.latitude, radius)
-    far = target.position == "fixed" and miss > 1e3
-    high = abs(final[0] - target.altitude) > target.altitude_tolerance
-    if far or high or abs(final[3] - target.speed) > target.speed_tolerance:
+    met = (
+        (target.position == "free" or miss <= 1e3)
+        and abs(final[0] - target.altitude) <= target.altitude_tolerance
+        and abs(final[3] - target.speed) <= target.speed_tolerance
+    )
+    if not met:
         return Status.TARGET_MISSED
     return Status.REFINEMENT_LIMIT if ended == "cap" else Status.SOLVED
 

@@ -27,8 +27,8 @@ _BINARY: dict[int, Any] = {
     ca.OP_LE: np.less_equal,
     ca.OP_EQ: np.equal,
     ca.OP_NE: np.not_equal,
-    ca.OP_FMIN: np.fmin,
-    ca.OP_FMAX: np.fmax,
+    ca.OP_FMIN: np.minimum,
+    ca.OP_FMAX: np.maximum,
     ca.OP_ATAN2: np.arctan2,
     ca.OP_IF_ELSE_ZERO: np.multiply,
 }
@@ -100,9 +100,9 @@ class VectorisedFunction:
         for kind, payload, operands, slot in self._program:
             if kind == _BINARY_APPLY:
                 left, right = operands
-                value[slot] = payload(value[left], value[right], room[slot])
+                value[slot] = payload(value[left], value[right], out=room[slot])
             elif kind == _UNARY_APPLY:
-                value[slot] = payload(value[operands[0]], room[slot])
+                value[slot] = payload(value[operands[0]], out=room[slot])
             elif kind == _CONSTANT:
                 value[slot] = payload
             elif kind == _INPUT:

@@ -77,6 +77,16 @@ def test_a_target_that_is_bought_off_is_missed(problem: OptimalControlProblem, k
         assert got is Status.LIMITS_EXCEEDED
 
 
+def test_what_is_not_a_number_is_no_solution(problem: OptimalControlProblem) -> None:
+    settings, final = ConvergenceSettings(), final_state(problem)
+    lost = np.array([0.0, np.nan, 0.0])
+    assert verdict(settings, problem, final, lost, bought_off=False) is Status.LIMITS_EXCEEDED
+    for state in range(4):
+        off = final.copy()
+        off[state] = np.nan
+        assert verdict(settings, problem, off, NONE, bought_off=False) is Status.TARGET_MISSED
+
+
 def test_bought_off_must_be_said_by_its_name(problem: OptimalControlProblem) -> None:
     arguments = (ConvergenceSettings(), problem, final_state(problem), NONE)
     with pytest.raises(TypeError):
