@@ -11,7 +11,7 @@ export OPENBLAS_NUM_THREADS = 1
 demo: $(VENV)/.demo
 	mkdir -p demo
 	$(BIN)/ampi build shefex3 demo/shefex3.h5
-	$(BIN)/ampi fly demo/shefex3.h5 --flights 1000 --output demo/flights.npz
+	$(BIN)/ampi fly demo/shefex3.h5 --flights 1000 --output demo/flights.npz --force
 	$(BIN)/ampi report demo/shefex3.h5 demo/flights.npz --output demo/report.html
 
 test: $(VENV)/.test

@@ -11,17 +11,22 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import asdict
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
 import typer
 from rich.console import Console
 from rich.table import Table
+from rich.text import Text
 
-from ampi.missions.mission import Mission, load_mission
-from ampi.outputs import FIGURES, check_folder, check_output
+from ampi.missions.mission import Mission, MissionError, load_mission
+from ampi.outputs import FIGURES, check_figures, check_output, written
 from ampi.progress import progress
+from ampi.terminal import discard, standard_stream
 from ampi.trajectory import Trajectory
+
+if TYPE_CHECKING:
+    from ampi.report.reproduction_table import Reproduction
 
 app = typer.Typer(
     help="Entry guidance from a database of optimal trajectories.",
@@ -29,12 +34,15 @@ app = typer.Typer(
     add_completion=False,
     pretty_exceptions_enable=False,
 )
-# where there is no terminal nobody knows how wide it is, and no number may be cut
-out = Console(highlight=False, soft_wrap=True, width=None if sys.stdout.isatty() else 160)
-error_out = Console(stderr=True, highlight=False, soft_wrap=True)
+# paths and titles are data: no markup, no :names: of pictures; and where there is no terminal nobody
+# knows how wide it is, and no number may be cut
+PLAIN: dict[str, Any] = {"markup": False, "emoji": False, "highlight": False, "soft_wrap": True}
+out = Console(**PLAIN, width=None if sys.stdout and sys.stdout.isatty() else 160)
+error_out = Console(**PLAIN, stderr=True)
 
 Jobs = Annotated[int, typer.Option("--jobs", "-j", min=1, help="Worker processes.")]
 Json = Annotated[bool, typer.Option("--json", help="Print numbers as JSON.")]
+Force = Annotated[bool, typer.Option("--force", help="Replace a file that is already there.")]
 MissionArgument = Annotated[str, typer.Argument(help="Name of a shipped mission, or a .toml file.")]
 DatabaseArgument = Annotated[Path, typer.Argument(help="Trajectory database (.h5).")]
 CORES = os.cpu_count() or 1
@@ -45,13 +53,48 @@ def _told() -> Iterator[None]:
     """Misuse and bad files end in one clear sentence, not in a traceback."""
     try:
         yield
-    except (ValueError, OSError) as error:
-        error_out.print(f"[bold red]error:[/] {_escaped(error)}")
+    except (ValueError, OSError, MemoryError) as error:
+        _print_error(_sentence(error))
         raise typer.Exit(2) from None
 
 
+def _sentence(error: Exception) -> str:
+    """The file before what befell it, without the system's number."""
+    if isinstance(error, OSError) and error.filename is not None:
+        return f"{_escaped(error.filename)}: {error.strerror}"
+    lines = isinstance(error, MissionError)  # a line for each fault
+    return "\n".join(map(_escaped, str(error).split("\n"))) if lines else _escaped(error)
+
+
+def _print_error(sentence: str) -> None:
+    error_out.print(Text.assemble(("error:", "bold red"), " ", sentence))
+
+
 def _escaped(value: object) -> str:
-    return str(value).replace("[", "\\[")
+    """On one line, as it is, but for characters that would move the cursor: those as in Python."""
+    return "".join(c if c.isprintable() else repr(c)[1:-1] for c in str(value))
+
+
+def _check_drawing(wanted: Path | None) -> None:
+    """Before the work: what draws is installed, and asks for no window that the environment names."""
+    if wanted is None:
+        return
+    os.environ["MPLBACKEND"] = (
+        "agg"  # matplotlib refuses to be imported under one that is not there
+    )
+    try:
+        import jinja2  # noqa: F401
+        import matplotlib  # noqa: F401
+    except ImportError as error:
+        raise ValueError(
+            f"{wanted}: drawing needs {error.name}, which is not installed; "
+            "try: pip install 'ampi[report]'"
+        ) from None
+    except UnicodeDecodeError as error:
+        raise ValueError(
+            f"matplotlibrc: expected UTF-8, got {error.reason} at byte {error.start}; mend or move "
+            "the file of this name in the working folder or in matplotlib's configuration folder"
+        ) from None
 
 
 def _print_json(value: Any) -> None:
@@ -89,6 +132,7 @@ def solve(
     refined: Annotated[bool, typer.Option("--refine", help="Refine the mesh (hp).")] = False,
     table: Annotated[Path | None, typer.Option("--csv", help="Write the nodes as CSV.")] = None,
     plot: Annotated[Path | None, typer.Option(help="Draw the trajectory (PNG, PDF, SVG).")] = None,
+    force: Force = False,
     as_json: Json = False,
 ) -> None:
     """Solve a mission's optimal control problem once."""
@@ -99,8 +143,9 @@ def solve(
     from ampi.scp.solve import solve as solve_mission
 
     with _told():
-        check_output(table)
-        check_output(plot, *FIGURES)
+        check_output(table, force=force, made_by=CSV_HEADER, others=[mission, plot])
+        check_output(plot, *FIGURES, force=force, made_by="ampi solve", others=[mission])
+        _check_drawing(plot)
         loaded = load_mission(mission)
         guess = None if bank_angle is None else ConstantBank(float(np.radians(bank_angle)))
         refinement = RefinementSettings() if refined else None
@@ -112,7 +157,7 @@ def solve(
             summary["reintegrated_altitude_error_m"] = float(check.altitude_error[0])
             summary["reintegrated_speed_error_m_per_s"] = float(check.speed_error[0])
         if np.isfinite(optimum.final_time):
-            _write_trajectory(loaded, optimum, table, plot)
+            _write_trajectory(loaded, optimum, table, plot, "ampi solve")
     if as_json:
         log = [asdict(row) for row in optimum.statistics.log]
         rounds = [asdict(row) for row in optimum.statistics.rounds]
@@ -125,8 +170,8 @@ def solve(
                 f"  {key:34} {value:.8g}" if not isinstance(value, str) else f"  {key:34} {value}"
             )
     if not optimum.status.ok:
-        error_out.print(
-            f"error: {loaded.name}: {_escaped(verdict(loaded, optimum))} "
+        _print_error(
+            f"{_escaped(loaded.name)}: {_escaped(verdict(loaded, optimum))} "
             "Move the target, widen the limits, or try another --bank-angle"
         )
         raise typer.Exit(2)
@@ -150,33 +195,32 @@ def _convergence_table(optimum: Trajectory) -> Table:
 
 
 def _write_trajectory(
-    mission: Mission, optimum: Trajectory, table: Path | None, plot: Path | None
+    mission: Mission, optimum: Trajectory, table: Path | None, plot: Path | None, made_by: str
 ) -> None:
     if table is not None:
         _write_csv(table, optimum.times, optimum.states, optimum.bank_rate)
     if plot is not None:
+        from ampi.report.look import save_figure
         from ampi.report.single import trajectory_figure
 
-        trajectory_figure(mission, optimum).savefig(plot, dpi=130)
+        save_figure(plot, trajectory_figure(mission, optimum), made_by)
+
+
+CSV_HEADER = (
+    "time_s,altitude_m,longitude_deg,latitude_deg,speed_m_per_s,flight_path_angle_deg,azimuth_deg,"
+    "bank_angle_deg,bank_rate_deg_per_s"
+)
 
 
 def _write_csv(path: Path, times: Any, states: Any, bank_rate: Any) -> None:
-    header = [
-        "time_s",
-        "altitude_m",
-        "longitude_deg",
-        "latitude_deg",
-        "speed_m_per_s",
-        "flight_path_angle_deg",
-        "azimuth_deg",
-        "bank_angle_deg",
-        "bank_rate_deg_per_s",
-    ]
     degrees = states.copy()
     degrees[[1, 2, 4, 5, 6]] = np.degrees(degrees[[1, 2, 4, 5, 6]])
-    with path.open("w", newline="", encoding="utf-8") as file:
+    with (
+        written(path) as temporary,
+        temporary.open("w", newline="", encoding="utf-8") as file,
+    ):
         writer = csv.writer(file)
-        writer.writerow(header)
+        writer.writerow(CSV_HEADER.split(","))
         for i, t in enumerate(times):
             row = [t, *degrees[:, i], np.degrees(bank_rate[i])]
             writer.writerow([f"{value:.10g}" for value in row])
@@ -279,6 +323,7 @@ def rerun(
     output: Annotated[
         Path | None, typer.Option(help="Draw the trajectory (PNG, PDF, SVG).")
     ] = None,
+    force: Force = False,
     as_json: Json = False,
 ) -> None:
     """Solve one case of a database or of an unfinished build again, showing every iteration."""
@@ -291,10 +336,11 @@ def rerun(
             out.print(_convergence_table(result.trajectory))
 
     with _told():
-        check_output(output, *FIGURES)
+        check_output(output, *FIGURES, force=force, made_by="ampi rerun", others=[path])
+        _check_drawing(output)
         found = rerun_case(path, case, watch=None if as_json else show)
         if output is not None and np.isfinite(found.trajectory.final_time):
-            _write_trajectory(found.mission, found.trajectory, None, output)
+            _write_trajectory(found.mission, found.trajectory, None, output, "ampi rerun")
     if as_json:
         _print_json(found.as_dict())
     else:
@@ -322,7 +368,7 @@ def verify(path: DatabaseArgument, as_json: Json = False) -> None:
             f"SHA-256 {found.sha256}"
         )
     for fault in found.faults:
-        error_out.print(f"error: {_escaped(path)}: {_escaped(fault)}")
+        _print_error(f"{_escaped(path)}: {_escaped(fault)}")
     if not found.whole:
         raise typer.Exit(2)
 
@@ -339,6 +385,7 @@ def audit(
         Path | None, typer.Option(help="Folder for coherence.png and error_map.png.")
     ] = None,
     jobs: Jobs = CORES,
+    force: Force = False,
     as_json: Json = False,
 ) -> None:
     """Is the database true, is it smooth, what does interpolating it cost, where would a point pay?"""
@@ -347,7 +394,8 @@ def audit(
     from database.repair import repair
 
     with _told():
-        check_folder(figures)
+        check_figures(figures, AUDIT_FIGURES, force=force, made_by="ampi audit")
+        _check_drawing(figures)
         repairs = repair(path, n_jobs=jobs) if mend else ()
         dataset = read_dataset(path)
         with progress("auditing", int(dataset.solved.sum()) + probes) as advance:
@@ -442,9 +490,12 @@ def _known(value: float) -> str:
     return f"{value:.3g}" if np.isfinite(value) else "–"
 
 
+AUDIT_FIGURES = ("coherence.png", "error_map.png")
+
+
 def _draw_audit(report: Any, folder: Path) -> None:
     from ampi.report.audit_figures import CellBar, coherence_figure, error_map_figure
-    from ampi.report.look import image_bytes
+    from ampi.report.look import save_figure
     from database.coherence import THRESHOLD
 
     best = _best_cell(report)
@@ -455,8 +506,8 @@ def _draw_audit(report: Any, folder: Path) -> None:
     named = {o.case: f"case {o.case}" for o in report.coherence.outliers}
     smooth = coherence_figure(report.coherence.roughness.ravel(), THRESHOLD, named)
     folder.mkdir(parents=True, exist_ok=True)
-    (folder / "coherence.png").write_bytes(image_bytes(smooth))
-    (folder / "error_map.png").write_bytes(image_bytes(error_map_figure(bars)))
+    for name, figure in zip(AUDIT_FIGURES, (smooth, error_map_figure(bars)), strict=True):
+        save_figure(folder / name, figure, "ampi audit")
 
 
 @app.command()
@@ -532,6 +583,7 @@ def guide(
     mode: Annotated[str, typer.Option(help="ampi, mpi, quadratic or nominal.")] = "ampi",
     table: Annotated[Path | None, typer.Option("--csv", help="Write the reference as CSV.")] = None,
     plot: Annotated[Path | None, typer.Option(help="Draw it (PNG, PDF, SVG).")] = None,
+    force: Force = False,
     as_json: Json = False,
 ) -> None:
     """Measured parameters → the reference that the tracker flies."""
@@ -541,8 +593,9 @@ def guide(
     from ampi.onboard.reference import Mode
 
     with _told():
-        check_output(table)
-        check_output(plot, *FIGURES)
+        check_output(table, force=force, made_by=CSV_HEADER, others=[path, plot])
+        check_output(plot, *FIGURES, force=force, made_by="ampi guide", others=[path])
+        _check_drawing(plot)
         chosen = _choice(Mode, mode, "--mode")
         loaded = read_dataset(path).mission
         options = {
@@ -563,9 +616,10 @@ def guide(
         if table is not None:
             _write_csv(table, reference.times, reference.states, reference.bank_rate)
         if plot is not None:
+            from ampi.report.look import save_figure
             from ampi.report.single import reference_figure
 
-            reference_figure(loaded, reference).savefig(plot, dpi=130)
+            save_figure(plot, reference_figure(loaded, reference), "ampi guide")
     outside = [p.name for p, c in zip(loaded.parameters, reference.clipped, strict=True) if c]
     if as_json:
         _print_json(
@@ -616,6 +670,7 @@ def fly(
     distribution: Annotated[str, typer.Option(help="normal, uniform or corners.")] = "normal",
     output: Annotated[Path | None, typer.Option(help="Keep the flights (.npz) for report.")] = None,
     jobs: Jobs = CORES,
+    force: Force = False,
     as_json: Json = False,
 ) -> None:
     """Fly closed-loop entries, the same draws in every mode, and give the verdict."""
@@ -629,7 +684,7 @@ def fly(
     from ampi.simulation.statistics import judge, ratio_to_nominal
 
     with _told():
-        check_output(output)
+        check_output(output, force=force, others=[path])
         mission = read_dataset(path).mission
         guidance = load_guidance(path)
         chosen = [_choice(Mode, name.strip(), "--modes") for name in modes.split(",")]
@@ -664,16 +719,19 @@ def report(
     path: DatabaseArgument,
     campaigns: Annotated[Path, typer.Argument(help="Flights kept by 'ampi fly --output'.")],
     output: Annotated[Path, typer.Option(help="HTML file to write.")] = Path("report.html"),
+    force: Force = False,
 ) -> None:
     """Write the verdict and all figures as one HTML file."""
     from ampi.dataset import read_dataset
     from ampi.loading import guidance_table
     from ampi.missions.mission import mission_digest
-    from ampi.report.html import write_report
     from ampi.simulation.monte_carlo import load_campaigns
 
     with _told():
-        check_output(output)
+        check_output(output, force=force, made_by="ampi report", others=[path, campaigns])
+        _check_drawing(output)
+        from ampi.report.html import write_report
+
         dataset = read_dataset(path)
         loaded = load_campaigns(campaigns)
         for flights in loaded.values():
@@ -707,10 +765,10 @@ def reproduce(
     skip_slow: Annotated[
         bool, typer.Option("--skip-slow", help="Stop the global PSCP after two iterations.")
     ] = False,
+    force: Force = False,
     as_json: Json = False,
 ) -> None:
     """Print the tables of the optimiser papers: paper, ours by the same method, ours by our method."""
-    from ampi.report import reproduction_figures
     from ampi.report.reproduction import PAPERS
 
     chosen = papers or list(PAPERS)
@@ -718,7 +776,9 @@ def reproduce(
         for name in chosen:
             if name not in PAPERS:
                 raise ValueError(f"paper: expected one of {', '.join(PAPERS)}, got {name!r}")
-        check_folder(output)
+        figures = [f"{name}.png" for name in chosen]
+        check_figures(output, figures, force=force, made_by="ampi reproduce")
+        _check_drawing(output)
         if output is not None:
             output.mkdir(parents=True, exist_ok=True)
         found = {}
@@ -727,7 +787,7 @@ def reproduce(
                 found[name] = PAPERS[name](skip_slow)
                 advance(1)
                 if output is not None:
-                    reproduction_figures.FIGURES[name](found[name]).savefig(output / f"{name}.png")
+                    _draw_reproduction(found[name], output)
     if as_json:
         _print_json({name: result.as_dict() for name, result in found.items()})
         return
@@ -735,18 +795,37 @@ def reproduce(
         table = Table("", "paper", "ours, same method", "ours, our method", "must hold", "")
         table.title = result.title
         for row in result.rows:
-            verdict = "" if row.holds is None else "yes" if row.holds else "[bold red]no[/]"
+            verdict = "" if row.holds is None else "yes" if row.holds else Text("no", "bold red")
             cells = (row.quantity, row.paper, row.same_method, row.our_method, row.must_hold)
-            table.add_row(*map(_escaped, cells), verdict)
+            table.add_row(*cells, verdict)
         out.print(table)
         for row in result.rows:
             if row.note:
                 out.print(f"  {_escaped(row.quantity)}: {_escaped(row.note)}")
 
 
+def _draw_reproduction(found: Reproduction, folder: Path) -> None:
+    from ampi.report.look import save_figure
+    from ampi.report.reproduction_figures import FIGURES as PAPER_FIGURES
+
+    save_figure(folder / f"{found.paper}.png", PAPER_FIGURES[found.paper](found), "ampi reproduce")
+
+
 def main() -> None:
-    """Entry point."""
-    app()
+    """Entry point. What cannot be shown on standard output changes no result."""
+    sys.stdout, sys.stderr = map(standard_stream, (sys.stdout, sys.stderr))
+    out.file, error_out.file = sys.stdout, sys.stderr  # their encoding decides on a table's lines
+    try:
+        try:
+            app()
+        finally:
+            sys.stdout.flush()
+    except OSError as error:
+        discard(sys.stdout)
+        if isinstance(error, BrokenPipeError):  # the reader has seen enough
+            sys.exit(1)
+        _print_error(f"standard output: {error.strerror}")
+        sys.exit(2)
 
 
 if __name__ == "__main__":

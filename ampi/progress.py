@@ -21,11 +21,11 @@ from rich.progress import (
 def progress(label: str, total: int) -> Iterator[Callable[[int], None]]:
     """Yield `advance(count)`; draws on standard error only if that is a terminal."""
     bar = Progress(
-        TextColumn("{task.description}"),
+        TextColumn("{task.description}", markup=False),
         BarColumn(),
         MofNCompleteColumn(),
         TimeElapsedColumn(),
-        TextColumn("left"),
+        TextColumn("left", markup=False),
         TimeRemainingColumn(),
         console=Console(stderr=True),
         transient=True,

@@ -12,6 +12,7 @@ from jinja2 import Environment, StrictUndefined
 from ampi.missions.mission import Mission
 from ampi.onboard.reference import Mode
 from ampi.onboard.table import GuidanceTable
+from ampi.outputs import written
 from ampi.report.exhibits import Exhibit, campaign_exhibits, database_exhibits
 from ampi.report.look import data_uri, image_bytes
 from ampi.report.published import PAPER_MISSION
@@ -81,7 +82,8 @@ def write_report(
         database_pictures=_drawn(database_exhibits(mission, table)),
     )
     target = Path(path)
-    target.write_text(page, encoding="utf-8")
+    with written(target) as temporary:
+        temporary.write_text(page, encoding="utf-8")
     return target
 
 

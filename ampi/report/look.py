@@ -9,17 +9,20 @@ from __future__ import annotations
 
 import base64
 import io
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from enum import Enum
 from functools import wraps
+from pathlib import Path
 from typing import Any, ParamSpec
 
-from matplotlib import rc_context
+from matplotlib import rc_context, rcdefaults, rcParams
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from ampi.onboard.reference import Mode
+from ampi.outputs import written
 
 P = ParamSpec("P")
 
@@ -55,10 +58,11 @@ _SETTINGS: dict[str, Any] = {
 
 
 class ImageFormat(Enum):
-    """How a figure is embedded: PNG for thousands of lines, SVG for a few."""
+    """How a figure is kept; in a page PNG for thousands of lines, SVG for a few."""
 
     PNG = "image/png"
     SVG = "image/svg+xml"
+    PDF = "application/pdf"
 
 
 @dataclass(frozen=True)
@@ -77,12 +81,30 @@ MODE_LOOKS = {
 }
 
 
+# where a format says who made it, and the times that would differ from file to file
+_MAKER = {ImageFormat.PNG: "Software", ImageFormat.SVG: "Creator", ImageFormat.PDF: "Creator"}
+_TIMES: dict[ImageFormat, dict[str, str | None]] = {
+    ImageFormat.PNG: {},
+    ImageFormat.SVG: {"Date": None},
+    ImageFormat.PDF: {"CreationDate": None},
+}
+
+
+@contextmanager
+def _settings() -> Iterator[None]:
+    """Matplotlib's defaults and ours above them, whatever a matplotlibrc asks for."""
+    with rc_context():
+        rcdefaults()
+        rcParams.update(_SETTINGS)
+        yield
+
+
 def house_style(draw: Callable[P, Figure]) -> Callable[P, Figure]:
     """Run a drawing function under the settings above; matplotlib's own stay as they were."""
 
     @wraps(draw)
     def styled(*args: P.args, **kwargs: P.kwargs) -> Figure:
-        with rc_context(_SETTINGS):
+        with _settings():
             return draw(*args, **kwargs)
 
     return styled
@@ -95,15 +117,26 @@ def new_figure(width: float, height: float) -> Figure:
     return figure
 
 
-def image_bytes(figure: Figure, image_format: ImageFormat = ImageFormat.PNG) -> bytes:
+def image_bytes(
+    figure: Figure, image_format: ImageFormat = ImageFormat.PNG, made_by: str = "ampi"
+) -> bytes:
     """The figure as a file's content; the same figure gives the same bytes."""
     buffer = io.BytesIO()
-    with rc_context(_SETTINGS):
-        if image_format is ImageFormat.PNG:
-            figure.savefig(buffer, format="png", dpi=DOTS_PER_INCH, metadata={"Software": None})
-        else:
-            figure.savefig(buffer, format="svg", metadata={"Date": None})
+    with _settings():
+        figure.savefig(
+            buffer,
+            format=image_format.name.lower(),
+            dpi=DOTS_PER_INCH,
+            metadata={_MAKER[image_format]: made_by, **_TIMES[image_format]},
+        )
     return buffer.getvalue()
+
+
+def save_figure(path: Path, figure: Figure, made_by: str) -> None:
+    """Write a figure in the format that its name ends in, with the command that made it."""
+    content = image_bytes(figure, ImageFormat[path.suffix[1:].upper()], made_by)
+    with written(path) as temporary:
+        temporary.write_bytes(content)
 
 
 def data_uri(content: bytes, image_format: ImageFormat = ImageFormat.PNG) -> str:

@@ -169,6 +169,90 @@ def test_misuse_is_one_sentence(folder: Path, arguments: tuple[str, ...], messag
     assert done.stderr.startswith("error:")
 
 
+def test_flights_are_replaced_only_if_asked(folder: Path) -> None:
+    flights, base = folder / "dear.npz", folder / "dear.csv"
+    for dear in (flights, base):
+        dear.write_bytes(b"weeks of work")
+    fly = ("fly", "small.h5", "-n", "2", "--modes", "nominal", "-j", "1", "--output", "dear.npz")
+    for command in (
+        fly,
+        ("solve", "small.toml", "--csv", "dear.npz"),
+        ("guide", "small.h5", "--csv", "dear.csv"),
+        ("report", "small.h5", "dear.npz", "--output", "dear.npz", "--force"),
+    ):
+        told = run(*command, cwd=folder, code=2).stderr
+        assert re.search(r"dear\.(npz|csv) is already there|needs this file", told)
+        assert {flights.read_bytes(), base.read_bytes()} == {b"weeks of work"}
+    run(*fly, "--force", cwd=folder)
+    assert list(load_campaigns(flights)) == ["nominal"]
+
+
+@pytest.mark.parametrize("encoding", ["ascii", "latin-1"])
+def test_an_encoding_costs_no_result(folder: Path, encoding: str) -> None:
+    there = folder / "é:100:[bold]"
+    there.mkdir(exist_ok=True)
+    shutil.copy(folder / "small.h5", there)
+    for command in (
+        ("--help",),
+        ("verify", there / "small.h5"),
+        ("verify", there / "none.h5"),
+        ("fly", "small.h5", "-n", "3", "--modes", "ampi", "-j", "1"),
+    )[: 4 if encoding == "ascii" else 3]:
+        done = subprocess.run(
+            [sys.executable, "-m", "ampi.cli", *map(str, command)],
+            cwd=folder,
+            capture_output=True,
+            env={**os.environ, "PYTHONIOENCODING": encoding},
+        )
+        told = (done.stdout + done.stderr).decode(encoding)
+        assert done.returncode == (2 if "none.h5" in str(command[-1]) else 0), told
+        if command[0] == "verify":
+            name = "é" if encoding != "ascii" else "\\xe9"
+            assert f"{name}:100:[bold]" in told
+
+
+def test_a_reader_may_leave_and_a_stream_be_closed_or_full(tmp_path: Path) -> None:
+    shell = f"{sys.executable} -m ampi.cli missions"
+    for ending, said in (
+        ("| true", ""),
+        (">&-", ""),
+        ("2>&- >/dev/null", ""),
+        (">/dev/full", "error: standard output: No space left on device"),
+    ):
+        done = subprocess.run(
+            ["bash", "-c", f"{shell} {ending}"], cwd=tmp_path, capture_output=True, text=True
+        )
+        assert done.stderr.strip() == said
+
+
+def test_names_on_the_way_to_the_terminal_stay_names(tmp_path: Path) -> None:
+    told = run("verify", "a\nb\x1b[31m:100:/[/bold]", cwd=tmp_path, code=2).stderr
+    assert r"a\nb\x1b[31m:100:/[/bold]" in told
+    assert told.count("\n") == 1
+
+
+def test_a_figure_knows_no_environment(folder: Path, tmp_path: Path) -> None:
+    (tmp_path / "rc").write_text("text.usetex: True\nfont.size: 30\nsavefig.bbox: tight\n")
+    (tmp_path / "jinja2.py").write_text("raise ModuleNotFoundError(name='jinja2')\n")
+    pictures = []
+    for environment in (  # what the command made itself it makes anew
+        {},
+        {"MPLBACKEND": "module://nowhere.backend", "MATPLOTLIBRC": str(tmp_path / "rc")},
+        {"PYTHONPATH": str(tmp_path)},
+    ):
+        done = subprocess.run(
+            [sys.executable, "-m", "ampi.cli", "guide", "small.h5", "--plot", tmp_path / "p.png"],
+            cwd=folder,
+            capture_output=True,
+            text=True,
+            env={**os.environ, **environment},
+        )
+        pictures.append((tmp_path / "p.png").read_bytes())
+    assert pictures[0] == pictures[1]
+    assert done.returncode == 2  # the last has no jinja2
+    assert "drawing needs jinja2, which is not installed; try: pip install" in done.stderr
+
+
 def test_no_misuse_has_cost_an_input(folder: Path) -> None:
     assert "whole" in run("verify", "small.h5", cwd=folder).stdout
     load_mission(folder / "small.toml")
@@ -214,10 +298,8 @@ def test_a_method_of_the_literature_says_what_is_open(
     text = load_mission(mission).toml
     assert text.count(longitudes[0]) == 1
     (tmp_path / "far.toml").write_text(text.replace(*longitudes))
-    began = time.monotonic()
     told = run("solve", "far.toml", "--method", method, cwd=tmp_path, code=2).stderr
     assert re.search(r"Open: .*(from the target|above its limit|too (high|low))", unwrapped(told))
-    assert time.monotonic() - began < 60.0
 
 
 def test_a_build_refuses_what_its_method_does_not_know(tmp_path: Path) -> None:
