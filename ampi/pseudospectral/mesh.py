@@ -136,8 +136,7 @@ class Mesh:
     def conversion(self, times: Array, final_time: float) -> Array:
         """Interpolation matrix (times × nodes): each time is read from the segment it lies in."""
         boundaries = [s.start[0] + s.start[1] * final_time for s in self.segments]
-        index = np.searchsorted(boundaries, times, side="right") - 1
-        index = np.clip(index, 0, len(self.segments) - 1)
+        index = np.searchsorted(boundaries[1:], times, side="right")  # a boundary is a first node
         matrix = np.zeros((len(times), self.n_nodes))
         for k in np.unique(index):
             s, rows = self.segments[k], np.flatnonzero(index == k)

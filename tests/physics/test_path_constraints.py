@@ -14,6 +14,7 @@ from ampi.physics.aerodynamics import ModifiedNewtonian
 from ampi.physics.equations_of_motion import FlightModel
 from ampi.physics.path_constraints import PATH_CONSTRAINTS, no_fly_zone, path_constraints
 from ampi.physics.planet import destination
+from ampi.physics.vehicle import air_loads
 
 laws = settings(deadline=None, max_examples=100)
 altitudes, speeds = st.floats(5e3, 115e3), st.floats(100.0, 7500.0)
@@ -62,6 +63,19 @@ def test_load_factor_is_the_body_normal_force(altitude: float, speed: float, tim
     normal = 1.83 * sin_alpha**2 + 0.15 * sin_alpha
     force = pressure * vehicle.reference_area * normal
     assert load_factor == pytest.approx(force / (vehicle.mass * 9.782), rel=1e-12)
+
+
+@laws
+@given(altitude=altitudes, speed=speeds, time=times)
+def test_the_total_load_factor_is_the_whole_force(
+    model: FlightModel, altitude: float, speed: float, time: float
+) -> None:
+    whole = replace(model, vehicle=replace(model.vehicle, load_factor="total"))
+    air = air_loads(model.vehicle, model.atmosphere, altitude, speed, time)
+    force = np.hypot(air.lift, air.drag) / model.planet.load_factor_gravity
+    values = path_constraints(whole, at(altitude, speed), time)
+    assert values[2] == pytest.approx(force, rel=1e-12)
+    assert values[:2] == path_constraints(model, at(altitude, speed), time)[:2]
 
 
 def test_load_factor_is_positive_at_negative_lift() -> None:

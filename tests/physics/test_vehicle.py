@@ -39,6 +39,34 @@ def test_schedule_of_shefex3() -> None:
 
 
 @laws
+@given(speed=st.floats(10.0, 8000.0), smoothing=st.floats(1.0, 800.0))
+def test_a_smoothed_schedule_is_the_line_between_two_hyperbolas(
+    speed: float, smoothing: float
+) -> None:
+    # at a distance d from a kink a branch of √(d² + s²): Eq. (1), in the variable's own unit
+    smooth = replace(OVER_SPEED, smoothing=smoothing)
+    before, after = (np.hypot(speed - kink, smoothing) for kink in (1500.0, 2700.0))
+    share = 0.5 + (before - after) / 2400.0
+    expected = np.radians(13) + share * (0.1 - np.radians(13))
+    assert smooth(None, speed) == pytest.approx(expected, rel=1e-12)
+
+
+def test_smoothing_leaves_the_middle_and_rounds_the_ends() -> None:
+    sharp, smooth = OVER_SPEED, replace(OVER_SPEED, smoothing=60.0)
+    assert smooth(None, 2100.0) == pytest.approx(sharp(None, 2100.0), rel=1e-14)
+    # a twentieth of the way: (1 + 0.05 − √1.0025) / 2 of it has been gone where it begins
+    gone = (smooth(None, 1500.0) - np.radians(13)) / (0.1 - np.radians(13))
+    assert gone == pytest.approx(0.5 * (1.05 - np.sqrt(1.0025)), rel=1e-9)
+
+
+def test_a_parabola_has_its_vertex_at_the_end() -> None:
+    bent = replace(OVER_TIME, shape="parabola")
+    times = np.array([58.0, 65.5, 73.0, 80.5, 88.0, 600.0])
+    gone = (42.0 - np.degrees(bent(times, None))) / 24.5
+    assert gone == pytest.approx([0.0, 7 / 16, 3 / 4, 15 / 16, 1.0, 1.0])
+
+
+@laws
 @given(altitude=st.floats(0.0, 120e3), speed=st.floats(10.0, 8000.0), time=st.floats(0.0, 700.0))
 def test_loads_scale_with_dynamic_pressure_and_ballistic_factor(
     model: FlightModel, altitude: float, speed: float, time: float

@@ -126,6 +126,22 @@ def test_conversion_at_the_nodes_is_the_identity() -> None:
     assert matrix == pytest.approx(np.eye(mesh.n_nodes), abs=1e-9)
 
 
+def test_a_boundary_is_the_first_node_of_its_segment_to_the_bit() -> None:
+    mesh = Mesh((Phase((3, 5), 58.3, (0.0, 0.31, 1.0)), Phase((4,), 88.7), Phase((6, 7, 9))))
+    for final_time in (451.7, 640.1, 1234.5):
+        nodes = [s.nodes.start for s in mesh.segments]
+        starts = np.array([s.start[0] + s.start[1] * final_time for s in mesh.segments])
+        assert np.array_equal(mesh.conversion(starts, final_time), np.eye(mesh.n_nodes)[nodes])
+
+
+def test_times_outside_go_on_with_the_first_and_the_last_segment() -> None:
+    mesh = Mesh((Phase((3, 3), 50.0), Phase((3, 3))))
+    nodal = np.abs(mesh.times(200.0) - 25.0) ** 3  # a cubic on each segment
+    early, late = mesh.conversion(np.array([-5.0, 210.0]), 200.0) @ nodal
+    assert early == pytest.approx(30.0**3)
+    assert late == pytest.approx(185.0**3)
+
+
 def test_one_free_phase_is_the_global_interval() -> None:
     mesh = Mesh((Phase((9,)),))
     assert mesh.times(2.0) == pytest.approx(1.0 + flipped_radau(9).nodes, abs=1e-15)
