@@ -62,14 +62,34 @@ def block_shape(grid_shape: tuple[int, ...]) -> tuple[int, ...]:
 
 def blocks(grid_shape: tuple[int, ...]) -> Iterator[Block]:
     """All blocks in index order."""
-    shape = block_shape(grid_shape)
-    counts = tuple(-(-n // size) for n, size in zip(grid_shape, shape, strict=True))
+    counts = _counts(grid_shape)
     for number, index in enumerate(np.ndindex(counts)):
-        start = tuple(i * size for i, size in zip(index, shape, strict=True))
-        part = tuple(
-            min(size, n - begin) for size, n, begin in zip(shape, grid_shape, start, strict=True)
-        )
-        yield Block(number, start, part)
+        yield _block(grid_shape, number, index)
+
+
+def blocks_at(grid_shape: tuple[int, ...], centre: int, away: int) -> Iterator[Block]:
+    """Those whose cases lie, on the first axis, up to `away` points from `centre`, and no farther."""
+    counts, size = _counts(grid_shape), block_shape(grid_shape)[0]
+    each = int(np.prod(counts[1:]))
+    for first in range(counts[0]):
+        last = min((first + 1) * size, grid_shape[0]) - 1
+        if max(abs(first * size - centre), abs(last - centre)) == away:
+            for k, index in enumerate(np.ndindex(counts[1:])):
+                yield _block(grid_shape, first * each + k, (first, *index))
+
+
+def _counts(grid_shape: tuple[int, ...]) -> tuple[int, ...]:
+    """Blocks along each axis."""
+    return tuple(-(-n // size) for n, size in zip(grid_shape, block_shape(grid_shape), strict=True))
+
+
+def _block(grid_shape: tuple[int, ...], number: int, index: tuple[int, ...]) -> Block:
+    shape = block_shape(grid_shape)
+    start = tuple(i * size for i, size in zip(index, shape, strict=True))
+    part = tuple(
+        min(size, n - begin) for size, n, begin in zip(shape, grid_shape, start, strict=True)
+    )
+    return Block(number, start, part)
 
 
 def assemble(

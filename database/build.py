@@ -15,6 +15,7 @@ import errno
 import pickle
 import shutil
 import time
+from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import AbstractContextManager, closing, contextmanager
 from dataclasses import dataclass, field, replace
@@ -38,7 +39,7 @@ from database.engines import ClusterEngine, Engine, LocalEngine
 from database.gains import GainSettings
 from database.hdf5_file import decoded_block
 from database.lock import LockedError, NoLocksError, exclusive
-from database.plan import case_name, planned_jobs
+from database.plan import planned_tasks
 from database.provenance import provenance
 from database.records import (
     CaseRecord,
@@ -219,27 +220,28 @@ class _Build:
         """From what is kept to the whole file."""
         campaign, grid = self.campaign, self.campaign.grid
         nominal = int(np.ravel_multi_index(grid.centre, grid.shape))
-        parts = list(blocks(grid.shape))
-        present = recorded_cases(campaign.folder, grid.size)
-        kept = {case for case in present if self.record(case) is not None}
-        if nominal in kept:
+        kept = recorded_cases(campaign.folder, grid.size)
+        for case in map(int, np.flatnonzero(kept)):
+            if self.record(case) is None:  # what cannot be read would pass for a result
+                kept[case] = False
+                record_path(campaign.folder, case).unlink(missing_ok=True)
+        if kept[nominal]:
             self.require_nominal(nominal)
-        self.advance(len(kept))
-        for case in present - kept:  # what cannot be read would pass for a result
-            record_path(campaign.folder, case).unlink(missing_ok=True)
-        jobs, needs = planned_jobs(campaign, kept, self.engine.width)
+        resumed = int(np.count_nonzero(kept))
+        self.advance(resumed)
 
-        def finished(name: str) -> None:
-            if name == case_name(nominal):
+        def finished(case: int) -> None:
+            if case == nominal:
                 self.require_nominal(nominal)
-            self.advance(1 if name.startswith("case ") else 0)
+            self.advance(1)
 
-        run_jobs(jobs, needs, self.engine, finished)
+        tasks = planned_tasks(campaign, kept, self.engine.width)
+        run_jobs(tasks, kept, self.engine, finished)
         Thread(target=self.engine.close).start()  # they end while the file is written
         solve_seconds = time.perf_counter() - self.began
         tally = _Tally()
         final_time = self.require_nominal(nominal).trajectory.final_time
-        write_database(self.path, campaign, self.attributes, final_time, tally.count(self, parts))
+        write_database(self.path, campaign, self.attributes, final_time, tally.count(self))
         discard_records(campaign.folder)
         # the file is whole; what is left `exclusive` sees to
         shutil.rmtree(campaign.folder, ignore_errors=True)
@@ -247,10 +249,10 @@ class _Build:
         return BuildReport(
             path=self.path,
             cases=grid.size,
-            solved=len(iterations),
-            resumed=len(kept),
+            solved=iterations.total(),
+            resumed=resumed,
             failures=tuple(tally.failures),
-            median_iterations=float(np.median(iterations)) if iterations else np.nan,
+            median_iterations=_median(iterations),
             worst_iterations=max(iterations, default=0),
             seconds=time.perf_counter() - self.began,
             solve_seconds=solve_seconds,
@@ -300,19 +302,19 @@ TALLIED = ("status", "iterations", "position_error", "peak")
 class _Tally:
     """What the report says, gathered while the blocks pass by."""
 
-    iterations: list[int] = field(default_factory=list)
+    iterations: Counter[int] = field(default_factory=Counter)  # how many solved cases took so many
     failures: list[str] = field(default_factory=list)
     worst_position_error: float = float("nan")
     worst_limit: float = float("nan")
 
-    def count(self, run: _Build, parts: list[Block]) -> Iterator[tuple[Block, bytes]]:
+    def count(self, run: _Build) -> Iterator[tuple[Block, bytes]]:
         """Pass the blocks on, in index order."""
         grid = run.campaign.grid
-        for block in parts:
+        for block in blocks(grid.shape):
             encoded = run.block(block)
             values = decoded_block(encoded, block.shape, TALLIED)
             good = values["status"].ravel() == int(Status.SOLVED)
-            self.iterations += values["iterations"].ravel()[good].tolist()
+            self.iterations.update(values["iterations"].ravel()[good].tolist())
             if not good.all():
                 messages = decoded_block(encoded, block.shape, ("message",))["message"].ravel()
                 for k in np.flatnonzero(~good):
@@ -321,6 +323,17 @@ class _Tally:
             self.worst_position_error = _worst(self.worst_position_error, values["position_error"])
             self.worst_limit = _worst(self.worst_limit, values["peak"])
             yield block, encoded
+
+
+def _median(counts: Counter[int]) -> float:
+    """Of numbers that are counted; NaN of none."""
+    values = np.sort(np.fromiter(counts, dtype=float))
+    upto = np.cumsum([counts[int(value)] for value in values])
+    half = 0.5 * counts.total()
+    if half == 0.0:
+        return float("nan")
+    low, high = np.searchsorted(upto, half), np.searchsorted(upto, half, side="right")
+    return float(0.5 * (values[low] + values[high]))
 
 
 def _worst(before: float, values: np.ndarray) -> float:

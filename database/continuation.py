@@ -3,15 +3,21 @@
 From the hypercentre outwards, in layers of equal Manhattan distance. A case's neighbours lie one grid
 step nearer to the centre along one axis: they are all solved before the layer begins, so the choice
 never depends on timing, and the database is the same for any number of workers.
+
+The grid may hold millions of cases: what is kept of each is its distance, four bytes.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from database.grid import Grid
+
+Cases = NDArray[np.int64]
 
 
 @dataclass(frozen=True)
@@ -22,30 +28,55 @@ class PlannedCase:
     neighbours: tuple[int, ...]
 
 
+def streamed(grid: Grid) -> Iterator[tuple[int, Cases]]:
+    """Parts of layers in the order in which they are solved, each with its distance on the first axis.
+
+    Along the first axis from the centre outwards, and at each distance there by layers, so that all of
+    one index on the first axis is soon solved. The first part is the centre alone.
+    """
+    distance = _distances(grid)
+    rows = np.arange(len(distance)) - grid.centre[0]
+    for away in range(int(np.abs(rows).max()) + 1):
+        here = np.flatnonzero(np.abs(rows) == away)
+        there = distance[here]
+        for layer in range(away, int(there.max()) + 1):
+            row, column = np.nonzero(there == layer)
+            yield away, here[row] * distance.shape[1] + column
+
+
 def layers(grid: Grid) -> list[list[PlannedCase]]:
-    """Cases by distance from the hypercentre; the first layer is the centre alone."""
-    index = np.stack(np.unravel_index(np.arange(grid.size), grid.shape), axis=1)
-    offset = index - np.array(grid.centre)
-    distance = np.abs(offset).sum(axis=1)
-    lengths, jumps = (steps.tolist() for steps in _steps_to_the_centre(grid, offset))
-    plan: list[list[PlannedCase]] = []
-    for layer in range(int(distance.max()) + 1):
-        cases = np.flatnonzero(distance == layer).tolist()
-        plan.append([PlannedCase(c, _neighbours(c, lengths[c], jumps[c])) for c in cases])
-    return plan
+    """Whole layers, of a grid that is not too large for lists."""
+    distance = _distances(grid).ravel()
+    return [
+        planned(grid, np.flatnonzero(distance == layer)) for layer in range(int(distance.max()) + 1)
+    ]
 
 
-def _steps_to_the_centre(grid: Grid, offset: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """By case and axis: how long the step towards the centre is, and how far in case numbers."""
+def _distances(grid: Grid) -> NDArray[np.int32]:
+    """Manhattan distance of every case from the centre, (first axis, all others)."""
+    found = np.zeros(grid.shape, dtype=np.int32)
+    for axis, (n, centre) in enumerate(zip(grid.shape, grid.centre, strict=True)):
+        away = np.abs(np.arange(n, dtype=np.int32) - np.int32(centre))
+        found += away.reshape([-1 if i == axis else 1 for i in range(len(grid.shape))])
+    return found.reshape(grid.shape[0], -1)
+
+
+def planned(grid: Grid, cases: Cases) -> list[PlannedCase]:
+    """These cases with their neighbours: one step towards the centre along each displaced axis.
+
+    The shortest step first, over the span of its axis.
+    """
+    index = np.stack(np.unravel_index(cases, grid.shape), axis=1)
+    toward = np.sign(index - np.array(grid.centre))
     strides = np.cumprod([1, *grid.shape[:0:-1]])[::-1]  # C order
-    lengths = np.zeros(offset.shape)
-    for i, (axis, centre) in enumerate(zip(grid.axes, grid.centre, strict=True)):
-        at = offset[:, i] + centre
-        lengths[:, i] = np.abs(axis[at] - axis[at - np.sign(offset[:, i])]) / np.ptp(axis)
-    return lengths, np.sign(offset) * strides
-
-
-def _neighbours(case: int, lengths: list[float], jumps: list[int]) -> tuple[int, ...]:
-    """One step towards the centre along each displaced axis: the shortest step first."""
-    found = [(step, case - jump) for step, jump in zip(lengths, jumps, strict=True) if jump]
-    return tuple(neighbour for _, neighbour in sorted(found))
+    lengths = np.zeros(index.shape)
+    for i, axis in enumerate(grid.axes):
+        step = axis[index[:, i]] - axis[index[:, i] - toward[:, i]]
+        lengths[:, i] = np.abs(step) / np.ptp(axis)
+    jumps = toward * strides
+    found = []
+    for i, case in enumerate(cases.tolist()):
+        steps = zip(lengths[i].tolist(), jumps[i].tolist(), strict=True)
+        nearest = sorted((length, case - jump) for length, jump in steps if jump)
+        found.append(PlannedCase(case, tuple(neighbour for _, neighbour in nearest)))
+    return found

@@ -57,9 +57,13 @@ class Job(ABC):
         """What the job leaves."""
 
     @property
-    @abstractmethod
-    def kept(self) -> bool:
-        """Whether another job has left it already."""
+    def cases(self) -> tuple[int, ...]:
+        """Whose records are kept after it, and after those that it has `left`."""
+        return ()
+
+    def left(self) -> list[Job]:
+        """Once it is done: jobs for the cases that it was no match for."""
+        return []
 
     @abstractmethod
     def compute(self, announce: Callable[[int], None]) -> Future[None]:
@@ -88,15 +92,26 @@ class SolveTogether(Job):
     campaign: Campaign
     planned: tuple[PlannedCase, ...]
 
+    def __str__(self) -> str:
+        return f"cases {', '.join(str(case) for case in self.cases)}"
+
     @property
     def result(self) -> Path:
         """The folder of the records: there may be some or none."""
         return self.campaign.folder
 
     @property
-    def kept(self) -> bool:
-        """Only known case by case."""
-        return False
+    def cases(self) -> tuple[int, ...]:
+        """All of them."""
+        return tuple(p.case for p in self.planned)
+
+    def left(self) -> list[Job]:
+        """One for each case without a record."""
+        return [
+            SolveCase(self.campaign, p)
+            for p in self.planned
+            if not is_recorded(self.campaign.folder, p.case)
+        ]
 
     def compute(self, announce: Callable[[int], None]) -> Future[None]:
         """All at once."""
@@ -143,15 +158,18 @@ class SolveCase(Job):
     planned: PlannedCase
     overdue: frozenset[int] = frozenset()  # attempts that have exceeded the time limit
 
+    def __str__(self) -> str:
+        return f"case {self.planned.case}"
+
     @property
     def result(self) -> Path:
         """The case's record."""
         return record_path(self.campaign.folder, self.planned.case)
 
     @property
-    def kept(self) -> bool:
-        """Solved together with others."""
-        return is_recorded(self.campaign.folder, self.planned.case)
+    def cases(self) -> tuple[int, ...]:
+        """The one."""
+        return (self.planned.case,)
 
     def compute(self, announce: Callable[[int], None]) -> Future[None]:
         """Attempt after attempt, until one succeeds."""
@@ -211,15 +229,13 @@ class AssembleBlock(Job):
     campaign: Campaign
     block: Block
 
+    def __str__(self) -> str:
+        return f"block {self.block.number}"
+
     @property
     def result(self) -> Path:
         """The block's file."""
         return block_path(self.campaign.folder, self.block.number)
-
-    @property
-    def kept(self) -> bool:
-        """Nobody else makes it."""
-        return False
 
     def compute(self, announce: Callable[[int], None]) -> Future[None]:
         """Assemble and keep."""

@@ -1,89 +1,75 @@
-"""The plan of a build: which jobs there are, what each needs, in which order they are best run."""
+"""The plan of a build: which jobs there are, what each needs, in which order they are best run.
+
+Nothing here is a list over the cases: a task is made when the schedule asks for it.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Set
+from collections.abc import Iterator
 
 import numpy as np
+from numpy.typing import NDArray
 
-from database.blocks import blocks
+from database.blocks import blocks_at
 from database.campaign import Campaign
-from database.continuation import PlannedCase, layers
-from database.jobs import AssembleBlock, Job, SolveCase, SolveTogether
+from database.continuation import Cases, planned, streamed
+from database.jobs import AssembleBlock, SolveCase, SolveTogether
 from database.prediction import corners
 from database.records import load_block
+from database.schedule import Task
 
 TOGETHER = 32  # cases of a portion, at most: with half as many each takes a tenth longer
 FEW = 6  # below, a case costs nearly what it costs alone
 
 
-def planned_jobs(
-    campaign: Campaign, kept: Set[int], width: int
-) -> tuple[dict[str, Job], dict[str, list[str]]]:
-    """Jobs that solve all cases but those `kept` and assemble the blocks, and what each job needs.
+def planned_tasks(campaign: Campaign, kept: NDArray[np.bool_], width: int) -> Iterator[Task]:
+    """Tasks that solve all cases but those `kept` (c,) and assemble the blocks.
 
     In the order in which they are to run: along the first axis from the centre outwards, so that blocks
     are assembled while others are solved, and no worker is idle at the end.
     """
-    jobs, needs = dict[str, Job](), dict[str, list[str]]()
+    grid, found = campaign.grid, kept.copy()  # what is kept changes meanwhile
+    before = 0
+    for away, cases in streamed(grid):
+        if away > before:
+            yield from _assembling(campaign, before, found)
+            before = away
+        yield from _solving(campaign, cases[~found[cases]], width, found)
+    yield from _assembling(campaign, before, found)
+
+
+def _assembling(campaign: Campaign, away: int, found: NDArray[np.bool_]) -> Iterator[Task]:
+    """Of the blocks whose last cases lie at a distance on the first axis."""
     grid = campaign.grid
-    open_blocks = [
-        block
-        for block in blocks(grid.shape)
-        if any(case not in kept for case in block.cases(grid.shape))
-        or load_block(campaign.folder, block.number, campaign.label) is None
-    ]
-    solved = set(kept)
-    plan = layers(grid)
-    away = np.abs(np.arange(grid.size) // (grid.size // grid.shape[0]) - grid.centre[0])
-    for distance in range(grid.shape[0]):
-        for layer in plan:
-            here = [p for p in layer if away[p.case] == distance and p.case not in kept]
-            _solving_jobs(campaign, here, width, kept, jobs, needs)
-            solved.update(p.case for p in here)
-        for block in list(open_blocks):
-            cases = block.cases(grid.shape)
-            if solved.issuperset(cases):
-                jobs[f"block {block.number}"] = AssembleBlock(campaign, block)
-                needs[f"block {block.number}"] = [case_name(c) for c in cases]
-                open_blocks.remove(block)
-    return jobs, needs
+    for block in blocks_at(grid.shape, grid.centre[0], away):
+        cases = block.cases(grid.shape)
+        whole = found[cases].all()
+        if not whole or load_block(campaign.folder, block.number, campaign.label) is None:
+            yield Task(AssembleBlock(campaign, block), tuple(cases))
 
 
-def _solving_jobs(
-    campaign: Campaign,
-    layer: list[PlannedCase],
-    width: int,
-    kept: Set[int],
-    jobs: dict[str, Job],
-    needs: dict[str, list[str]],
-) -> None:
-    """Add the jobs that solve cases of one layer.
+def _solving(
+    campaign: Campaign, cases: Cases, width: int, found: NDArray[np.bool_]
+) -> Iterator[Task]:
+    """Of cases of one layer.
 
     Few portions are made a multiple of the engine's `width`, so that all workers end together; none is
     cut too fine. A case starts from neighbours and from what lies between them and the centre
-    (database.prediction): where a neighbour is kept, nothing else waits for the latter.
+    (database.prediction): where a neighbour was `found` kept, nothing else waits for the latter.
     """
-    portions = -(-len(layer) // TOGETHER)
+    portions = -(-len(cases) // TOGETHER)
     if portions < 2 * width:
         portions = width * -(-portions // width)
-    size = max(FEW, -(-len(layer) // max(1, portions)))
-    for k in range(0, len(layer), size):
-        portion = layer[k : k + size]
-        for planned in portion:
-            jobs[case_name(planned.case)] = SolveCase(campaign, planned)
-            needs[case_name(planned.case)] = [case_name(n) for n in planned.neighbours]
-            if not kept.isdisjoint(planned.neighbours):  # else they have waited for the others
-                lost = [corner for _, corner in corners(campaign.grid, planned.case)]
-                needs[case_name(planned.case)] += [case_name(n) for n in lost if n not in kept]
+    size = max(FEW, -(-len(cases) // max(1, portions)))
+    for k in range(0, len(cases), size):
+        portion = planned(campaign.grid, cases[k : k + size])
+        needs = []
+        for p in portion:
+            needs.append(set(p.neighbours))
+            if any(found[n] for n in p.neighbours):  # else they have waited for the others
+                needs[-1].update(corner for _, corner in corners(campaign.grid, p.case))
         if campaign.together and portion[0].neighbours:
-            name = f"cases {', '.join(str(p.case) for p in portion)}"
-            jobs[name] = SolveTogether(campaign, tuple(portion))
-            needs[name] = sorted({n for p in portion for n in needs[case_name(p.case)]})
-            for planned in portion:
-                needs[case_name(planned.case)] = [name]
-
-
-def case_name(case: int) -> str:
-    """Name of the job that solves a case."""
-    return f"case {case}"
+            yield Task(SolveTogether(campaign, tuple(portion)), tuple(sorted(set().union(*needs))))
+        else:
+            for p, wanted in zip(portion, needs, strict=True):
+                yield Task(SolveCase(campaign, p), tuple(sorted(wanted)))

@@ -26,9 +26,12 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from functools import lru_cache
+from itertools import islice
 from pathlib import Path
+from threading import Lock
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ampi.missions.mission import Mission
 from ampi.trajectory import Statistics, Status, Trajectory
@@ -36,7 +39,10 @@ from ampi.trajectory import Statistics, Status, Trajectory
 HOST = socket.gethostname()
 CHECKSUM_BYTES = 4
 NEW_FILE = os.O_WRONLY | os.O_CREAT | os.O_TRUNC | os.O_CLOEXEC
+AT_ONCE = 64  # files that a thread takes to delete
 DELETERS = 16  # a file that was flushed takes milliseconds to delete; side by side they overlap
+_RECORD = re.compile(r"case_(\d{6,})\.rec")
+_RESULT = re.compile(r"case_.*|block_.*|mission\.toml")
 FINGERPRINTS = ("build.json", "build.copy.json")
 _NOTHING_WHOLE = (FileNotFoundError, ValueError, KeyError)  # a disk that cannot be read says so
 
@@ -165,7 +171,7 @@ def no_parts(folder: Path) -> Iterator[None]:
 
 def _delete_parts(folder: Path) -> None:
     with suppress(FileNotFoundError):  # the folder: the file is whole
-        _delete([f"{folder}{os.sep}{name}" for name in os.listdir(folder) if name.endswith(".tmp")])
+        _delete(f"{folder}{os.sep}{name}" for name in _names(folder) if name.endswith(".tmp"))
 
 
 def record_path(folder: Path, case: int) -> Path:
@@ -178,10 +184,21 @@ def is_recorded(folder: Path, case: int) -> bool:
     return os.path.exists(_record_file(folder, case))
 
 
-def recorded_cases(folder: Path, count: int) -> set[int]:
-    """Those of the first `count` cases that have a file, whole or not."""
-    names = set(os.listdir(folder))
-    return {case for case in range(count) if _record_name(case) in names}
+def recorded_cases(folder: Path, count: int) -> NDArray[np.bool_]:
+    """Which of the first `count` cases have a file, whole or not, (count,)."""
+    found = np.zeros(count, dtype=bool)
+    for name in _names(folder):
+        match = _RECORD.fullmatch(name)
+        if match and int(match[1]) < count and _record_name(int(match[1])) == name:
+            found[int(match[1])] = True
+    return found
+
+
+def _names(folder: Path) -> Iterator[str]:
+    """What lies in a folder, an entry at a time: it may hold millions."""
+    with os.scandir(folder) as entries:
+        for entry in entries:
+            yield entry.name
 
 
 def _record_name(case: int) -> str:
@@ -299,19 +316,29 @@ def _crc_of(fingerprint: dict[str, str]) -> str:
 
 def count_records(folder: Path) -> int:
     """How many finished cases a folder holds."""
-    return sum(name.startswith("case_") and name.endswith(".rec") for name in os.listdir(folder))
+    return sum(_RECORD.fullmatch(name) is not None for name in _names(folder))
 
 
 def discard_records(folder: Path) -> None:
     """Empty the folder of records; what they belong to goes last, so no record is ever orphaned."""
-    kinds = re.compile(r"case_.*|block_.*|mission\.toml")
-    files = [f"{folder}{os.sep}{name}" for name in os.listdir(folder) if kinds.fullmatch(name)]
+    results = (f"{folder}{os.sep}{name}" for name in _names(folder) if _RESULT.fullmatch(name))
+    taking = Lock()
+
+    def delete_some() -> None:
+        while True:
+            with taking:
+                some = list(islice(results, AT_ONCE))
+            if not some:
+                return
+            _delete(some)
+
     with ThreadPoolExecutor(DELETERS) as pool:
-        list(pool.map(_delete, (files[k::DELETERS] for k in range(DELETERS))))
-    _delete([f"{folder}{os.sep}{name}" for name in FINGERPRINTS])
+        for done in [pool.submit(delete_some) for _ in range(DELETERS)]:
+            done.result()
+    _delete(f"{folder}{os.sep}{name}" for name in FINGERPRINTS)
 
 
-def _delete(files: list[str]) -> None:
+def _delete(files: Iterable[str]) -> None:
     for file in files:
         with suppress(FileNotFoundError):
             os.unlink(file)

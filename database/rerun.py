@@ -11,6 +11,8 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from ampi.dataset import DatasetError, partial_folder, read_dataset
 from ampi.missions.mission import Mission, parse_mission
 from ampi.scp.shortfall import verdict
@@ -18,7 +20,7 @@ from ampi.scp.solve import solve
 from ampi.trajectory import Trajectory
 from database.attempts import attempts, follow, no_trajectory, path_to
 from database.campaign import Campaign, Solver, require_solver
-from database.continuation import layers
+from database.continuation import planned
 from database.grid import Grid
 from database.prediction import predicted
 from database.records import FINGERPRINTS, label_of, load_record, read_fingerprint
@@ -155,8 +157,8 @@ def _open(path: Path) -> tuple[str, str, Stored]:
 
 
 def _solved_neighbours(grid: Grid, case: int, stored: Stored) -> dict[int, Trajectory]:
-    planned = next(p for layer in layers(grid) for p in layer if p.case == case)
-    found = {neighbour: _solved(stored, neighbour) for neighbour in planned.neighbours}
+    (here,) = planned(grid, np.array([case]))
+    found = {neighbour: _solved(stored, neighbour) for neighbour in here.neighbours}
     return {neighbour: start for neighbour, start in found.items() if start is not None}
 
 

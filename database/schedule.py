@@ -1,7 +1,9 @@
-"""In which order jobs run: each as soon as the results that it builds on are kept.
+"""In which order jobs run: each as soon as the records that it builds on are kept.
 
 No layer waits for its slowest case. What a job builds on is fixed by the plan, never by what happens
 to be finished, so the order of execution leaves no trace in the results.
+
+Of the plan no more is looked at than keeps all workers busy: the tasks may be millions.
 """
 
 from __future__ import annotations
@@ -9,75 +11,128 @@ from __future__ import annotations
 import heapq
 import queue
 from collections import defaultdict
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
 
 from database.campaign import JobError
 from database.engines import Engine
 from database.jobs import Job
 
 LOOK = 5.0  # s
+FORESIGHT = 4  # tasks looked at, over the jobs that may be under way; what waits is no work
+LEAST_FORESIGHT = 64
+
+
+@dataclass(frozen=True)
+class Task:
+    """A job, and the cases whose records it builds on."""
+
+    job: Job
+    needs: tuple[int, ...]
 
 
 def run_jobs(
-    jobs: Mapping[str, Job],
-    needs: Mapping[str, Collection[str]],
+    tasks: Iterable[Task],
+    kept: NDArray[np.bool_],
     engine: Engine,
-    finished: Callable[[str], None],
+    finished: Callable[[int], None],
 ) -> None:
-    """Run all `jobs`, each after those it `needs`; needs that are no job are met already.
+    """Run the jobs of all `tasks`, each after those that solve what it `needs`.
 
-    Of the jobs that are ready the first in the order of `jobs` is next. `finished` is called, in this
-    thread, with the name of each job whose result is kept. What a job raises is raised here.
+    Parameters
+    ----------
+    tasks
+        Each after those that it needs; of those that are ready the first is next.
+    kept
+        Which cases have a record, (c,); kept up to date.
+    engine
+        Runs the jobs. What a job raises is raised here.
+    finished
+        Called, in this thread, with the number of each case whose record is kept.
     """
-    open_needs = {name: {n for n in needs[name] if n in jobs} for name in jobs}
-    waited_for = defaultdict[str, list[str]](list)
-    for name, open_ones in open_needs.items():
-        for n in open_ones:
-            waited_for[n].append(name)
-    place = {name: k for k, name in enumerate(jobs)}
-    ready: list[tuple[int, str]] = []
-    done: list[str] = []
-    told: queue.SimpleQueue[tuple[str, BaseException | None]] = queue.SimpleQueue()
+    agenda = _Agenda(enumerate(tasks), kept)
+    foresight = max(LEAST_FORESIGHT, FORESIGHT * engine.room)
+    told: queue.SimpleQueue[tuple[int, Job, BaseException | None]] = queue.SimpleQueue()
     under_way = 0
 
-    def release(name: str) -> None:
-        if jobs[name].kept:
-            done.append(name)
-        else:
-            heapq.heappush(ready, (place[name], name))
+    def submit(place: int, job: Job) -> None:
+        engine.submit(job, lambda error: told.put((place, job, error)))
 
-    def submit(name: str) -> None:
-        engine.submit(jobs[name], lambda error: told.put((name, error)))
-
-    for name, open_ones in open_needs.items():
-        if not open_ones:
-            release(name)
-    while ready or under_way or done:
-        while ready and under_way < engine.room:
-            submit(heapq.heappop(ready)[1])
+    while True:
+        agenda.look_ahead(foresight, idle=under_way == 0)
+        if not agenda.ready and under_way == 0:
+            return
+        while agenda.ready and under_way < engine.room:
+            submit(*agenda.next_job())
             under_way += 1
-        if not done:
-            name, error = _next(told, engine)
-            under_way -= 1
-            if error is not None:
-                raise error
-            if not jobs[name].result.exists():
-                raise JobError(
-                    f"{name}: its result is not in {jobs[name].result.parent}; the workers must see the "
-                    "same folder as this process: choose a path on a shared file system"
-                )
-            done.append(name)
-        name = done.pop()
-        for waiting in waited_for.pop(name, ()):
-            open_needs[waiting].discard(name)
-            if not open_needs[waiting]:
-                release(waiting)
-        finished(name)
+        place, job, error = _next(told, engine)
+        under_way -= 1
+        if error is not None:
+            raise error
+        if not job.result.exists():
+            raise JobError(
+                f"{job}: its result is not in {job.result.parent}; the workers must see the "
+                "same folder as this process: choose a path on a shared file system"
+            )
+        for case in agenda.settle(place, job):
+            finished(case)
+
+
+class _Agenda:
+    """The tasks that have been looked at: ready, or waiting for records."""
+
+    def __init__(self, coming: Iterator[tuple[int, Task]], kept: NDArray[np.bool_]) -> None:
+        self._coming, self._kept = coming, kept
+        self.ready: list[tuple[int, int, Job]] = []  # by place in the plan, then by case
+        self._open: dict[int, tuple[Job, set[int]]] = {}  # by place: what it still waits for
+        self._waiting = defaultdict[int, list[int]](list)  # by case: the places that wait for it
+
+    def look_ahead(self, most: int, *, idle: bool) -> None:
+        """Take tasks from the plan until there are `most`, or if all is idle until one is ready."""
+        while len(self._open) + len(self.ready) < most or (idle and not self.ready):
+            place, task = next(self._coming, (0, None))
+            if task is None:
+                return
+            missing = {case for case in task.needs if not self._kept[case]}
+            if missing:
+                self._open[place] = task.job, missing
+                for case in missing:
+                    self._waiting[case].append(place)
+            else:
+                self._is_ready(place, task.job)
+
+    def _is_ready(self, place: int, job: Job) -> None:
+        heapq.heappush(self.ready, (place, job.cases[0] if job.cases else 0, job))
+
+    def next_job(self) -> tuple[int, Job]:
+        """The first of those that are ready, and its place."""
+        place, _, job = heapq.heappop(self.ready)
+        return place, job
+
+    def settle(self, place: int, job: Job) -> list[int]:
+        """What is ready now that a job is done; the cases whose records are kept."""
+        left = job.left()
+        for one in left:  # in the job's place: what it builds on is kept
+            self._is_ready(place, one)
+        open_cases = {case for one in left for case in one.cases}
+        done = [case for case in job.cases if case not in open_cases]
+        for case in done:
+            self._kept[case] = True
+            for waiting in self._waiting.pop(case, ()):
+                that, missing = self._open[waiting]
+                missing.discard(case)
+                if not missing:
+                    del self._open[waiting]
+                    self._is_ready(waiting, that)
+        return done
 
 
 def _next(
-    told: queue.SimpleQueue[tuple[str, BaseException | None]], engine: Engine
-) -> tuple[str, BaseException | None]:
+    told: queue.SimpleQueue[tuple[int, Job, BaseException | None]], engine: Engine
+) -> tuple[int, Job, BaseException | None]:
     """What is told next; while nothing is, the engine looks whether anything can be."""
     while True:
         try:

@@ -35,7 +35,7 @@ from database.continuation import layers
 from database.engines import LocalEngine
 from database.grid import Grid
 from database.jobs import AssembleBlock, SolveTogether
-from database.plan import planned_jobs
+from database.plan import planned_tasks
 from database.schedule import run_jobs
 
 Array = NDArray[np.float64]
@@ -214,9 +214,10 @@ def ours(mission: Mission, n_jobs: int) -> dict[str, Any]:
         campaign = Campaign(mission.toml, Path(folder))
         began = time.perf_counter()
         engine = LocalEngine(n_jobs)
-        jobs, needs = planned_jobs(campaign, set(), engine.width)
-        solving = {name: job for name, job in jobs.items() if not isinstance(job, AssembleBlock)}
-        run_jobs(solving, needs, engine, lambda name: None)
+        kept = np.zeros(campaign.grid.size, dtype=bool)
+        tasks = planned_tasks(campaign, kept, engine.width)
+        solving = (task for task in tasks if not isinstance(task.job, AssembleBlock))
+        run_jobs(solving, kept, engine, lambda case: None)
         seconds = time.perf_counter() - began
         engine.close()
         found = [campaign.record(k) for k in range(campaign.grid.size)]
@@ -253,16 +254,17 @@ def phases(mission: Mission, portions: int = 12) -> dict[str, float]:
     profile = cProfile.Profile()
     with tempfile.TemporaryDirectory() as folder:
         campaign = Campaign(mission.toml, Path(folder))
-        jobs, _ = planned_jobs(campaign, set(), width=4)
         measured = 0
-        for job in list(jobs.values()):
-            enough = measured == portions
-            if isinstance(job, SolveTogether) and len(job.planned) > 12 and not enough:
+        for task in planned_tasks(campaign, np.zeros(campaign.grid.size, dtype=bool), width=4):
+            job = task.job
+            if isinstance(job, SolveTogether) and len(job.planned) > 12:
                 measured += 1
                 profile.runcall(job.compute, lambda attempt: None).result()
-            elif not job.kept:
+            else:
                 job.run(lambda attempt: None)
-            if enough:
+            for one in job.left():
+                one.run(lambda attempt: None)
+            if measured == portions:
                 break
     stats = pstats.Stats(profile)
     inside: dict[str, float] = dict.fromkeys(PHASES, 0.0)

@@ -115,10 +115,6 @@ class Marking(Job):
     def result(self) -> Path:
         return self.folder / self.name
 
-    @property
-    def kept(self) -> bool:
-        return False
-
     def compute(self, announce: Callable[[int], None]) -> Future[None]:
         turns = len(list(self.folder.glob(f"{self.name} *")))
         (self.folder / f"{self.name} {turns} by {os.getpid()}").touch()

@@ -5,7 +5,7 @@ from __future__ import annotations
 import errno
 import resource
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -16,11 +16,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from ampi.file_sink import FileSink
-from database.blocks import BLOCK_CASES, blocks
+from database.blocks import BLOCK_CASES, blocks, blocks_at
 from database.campaign import JobError
 from database.hdf5_file import _copy_block, decoded_block, encoded_block
 from database.jobs import Job
-from database.schedule import run_jobs
+from database.schedule import LEAST_FORESIGHT, Task, run_jobs
 
 shapes = st.lists(st.integers(1, 5), min_size=1, max_size=6).map(tuple)
 
@@ -43,18 +43,43 @@ def test_blocks_hold_every_case_once_and_few_each(shape: tuple[int, ...]) -> Non
     assert len(flat) == seen.size
 
 
+@settings(deadline=None, max_examples=40)
+@given(shapes, st.data())
+def test_blocks_by_distance_on_the_first_axis_are_the_same_blocks(
+    shape: tuple[int, ...], data: st.DataObject
+) -> None:
+    centre = data.draw(st.integers(0, shape[0] - 1))
+    found = {}
+    for away in range(shape[0]):
+        for block in blocks_at(shape, centre, away):
+            first = np.unravel_index(block.cases(shape), shape)[0]
+            assert np.abs(first - centre).max() == away
+            found[block.number] = block
+    assert [found[number] for number in sorted(found)] == list(blocks(shape))
+
+
 def test_a_long_axis_is_cut() -> None:
     assert [b.shape for b in blocks((300,))] == [(256,), (44,)]
     assert {b.shape for b in blocks((3,) * 6)} == {(1, 3, 3, 3, 3, 3)}
 
 
 @dataclass(frozen=True)
-class Named:
-    """A job as far as the schedule looks at one."""
+class Numbered:
+    """A job as far as the schedule looks at one: it solves the case of its number, or leaves it."""
 
-    name: str
-    kept: bool = False
+    number: int
+    leaves: bool = False
     result: Path = Path(__file__)
+
+    def __str__(self) -> str:
+        return f"job {self.number}"
+
+    @property
+    def cases(self) -> tuple[int, ...]:
+        return (self.number,)
+
+    def left(self) -> list[Job]:
+        return [Numbered(self.number)] if self.leaves else []  # type: ignore[list-item]
 
 
 @dataclass
@@ -64,7 +89,8 @@ class ShuffledEngine:
     seed: int
     room: int = 5
     width: int = 5
-    log: list[str] = field(default_factory=list)
+    log: list[int] = field(default_factory=list)
+    bad: int = -1  # the job that raises
     open: list[tuple[Job, Callable[[BaseException | None], None]]] = field(default_factory=list)
 
     def submit(self, job: Job, tell: Callable[[BaseException | None], None]) -> None:
@@ -75,9 +101,9 @@ class ShuffledEngine:
     def _finish_one(self) -> None:
         rng = np.random.default_rng([self.seed, len(self.log)])
         job, tell = self.open.pop(int(rng.integers(len(self.open))))
-        name = job.name  # type: ignore[attr-defined]
-        self.log.append(name)
-        tell(RuntimeError("boom") if name == "bad" else None)
+        (case,) = job.cases
+        self.log.append(case)
+        tell(RuntimeError("boom") if case == self.bad else None)
 
     def close(self) -> None:
         """Nothing to end."""
@@ -86,28 +112,41 @@ class ShuffledEngine:
 @pytest.mark.parametrize("seed", range(5))
 def test_no_job_runs_before_what_it_needs(seed: int) -> None:
     rng = np.random.default_rng(seed)
-    names = [f"job {i}" for i in range(40)]
-    needs = {n: [names[j] for j in rng.integers(0, i, 3)] if i else [] for i, n in enumerate(names)}
-    engine, finished = ShuffledEngine(seed), list[str]()
-    kept = {n for n in names if rng.random() < 0.2}
-    jobs = {n: Named(n, n in kept) for n in names}
-    run_jobs(jobs, needs, engine, finished.append)  # type: ignore[arg-type]
-    assert sorted(finished) == sorted(names)
-    assert sorted(engine.log) == sorted(set(names) - kept)
-    for name in names:
-        for needed in needs[name]:
-            assert finished.index(needed) < finished.index(name)
+    n = 3 * LEAST_FORESIGHT
+    needs = [tuple(rng.integers(0, i, 3).tolist()) if i else () for i in range(n)]
+    engine, finished = ShuffledEngine(seed), list[int]()
+    kept = rng.random(n) < 0.2
+    leaving = rng.random(n) < 0.3
+    before, looked_at = set(np.flatnonzero(kept).tolist()), 0
+
+    def plan() -> Iterator[Task]:
+        nonlocal looked_at
+        for i in sorted(set(range(n)) - before):
+            looked_at += 1
+            assert looked_at <= len(finished) + engine.room + LEAST_FORESIGHT + 1
+            yield Task(Numbered(i, bool(leaving[i])), needs[i])  # type: ignore[arg-type]
+
+    run_jobs(plan(), kept, engine, finished.append)
+    assert kept.all()
+    assert sorted(finished) == sorted(set(range(n)) - before)
+    assert sorted(engine.log) == sorted([*finished, *(i for i in finished if leaving[i])])
+    for case in finished:
+        for needed in set(needs[case]) - before:
+            assert finished.index(needed) < finished.index(case)
 
 
 def test_what_a_job_raises_ends_the_run() -> None:
+    task = Task(Numbered(0), (1,))  # type: ignore[arg-type]
     with pytest.raises(RuntimeError, match="boom"):
-        run_jobs({"bad": Named("bad")}, {"bad": ["met already"]}, ShuffledEngine(0), print)  # type: ignore[dict-item]
+        run_jobs([task], np.array([False, True]), ShuffledEngine(0, bad=0), print)
 
 
 def test_a_result_that_is_not_there_ends_the_run(tmp_path: Path) -> None:
-    jobs = {"lost": Named("lost", result=tmp_path / "nowhere")}
-    with pytest.raises(JobError, match=rf"lost: its result is not in {tmp_path}; the workers must"):
-        run_jobs(jobs, {"lost": []}, ShuffledEngine(0), print)  # type: ignore[arg-type]
+    task = Task(Numbered(0, result=tmp_path / "nowhere"), ())  # type: ignore[arg-type]
+    with pytest.raises(
+        JobError, match=rf"job 0: its result is not in {tmp_path}; the workers must"
+    ):
+        run_jobs([task], np.zeros(1, dtype=bool), ShuffledEngine(0), print)
 
 
 def test_a_sink_takes_everything_and_tells_later(tmp_path: Path) -> None:

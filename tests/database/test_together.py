@@ -7,6 +7,7 @@ import signal
 from concurrent.futures import Future
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import database
@@ -16,7 +17,7 @@ from ampi.trajectory import Trajectory
 from database.campaign import Campaign
 from database.continuation import PlannedCase, layers
 from database.jobs import AssembleBlock, SolveCase, SolveTogether
-from database.plan import planned_jobs
+from database.plan import planned_tasks
 from database.supervisor import Supervisor
 
 BYTES = ("states", "bank_rate", "final_time", "cost", "target_multipliers", "status")
@@ -51,13 +52,13 @@ def test_together_or_alone_the_records_are_the_same(campaign: Campaign, tmp_path
     SolveCase(alone, layers(alone.grid)[0][0]).run(lambda attempt: None)
     for layer in layers(campaign.grid)[1:]:
         job = SolveTogether(campaign, tuple(layer))
-        assert not job.kept
+        assert job.cases == tuple(planned.case for planned in layer)
         job.run(lambda attempt: None)
-        kept = {planned.case for planned in layer if SolveCase(campaign, planned).kept}
-        assert len(kept) >= len(layer) // 2
+        left = job.left()
+        assert len(left) <= len(layer) - len(layer) // 2
+        for one in left:
+            one.run(lambda attempt: None)
         for planned in layer:
-            if planned.case not in kept:
-                SolveCase(campaign, planned).run(lambda attempt: None)
             SolveCase(alone, planned).run(lambda attempt: None)
     for planned in plan(campaign):
         assert numbers(campaign, planned.case) == numbers(alone, planned.case)
@@ -75,16 +76,16 @@ def test_what_newton_leaves_has_no_record(campaign: Campaign, tmp_path: Path) ->
     other = Campaign(tight, folder)
     SolveCase(other, layers(other.grid)[0][0]).run(lambda attempt: None)
     first = layers(other.grid)[1]
-    SolveTogether(other, tuple(first)).run(lambda attempt: None)
-    solved = [planned for planned in first if SolveCase(other, planned).kept]
-    assert 0 < len(solved) < len(first)
+    job = SolveTogether(other, tuple(first))
+    job.run(lambda attempt: None)
+    assert 0 < len(job.left()) < len(first)
 
 
 def test_a_portion_that_is_given_up_or_overdue_leaves_its_cases(campaign: Campaign) -> None:
     job = SolveTogether(campaign, tuple(plan(campaign)[:4]))
     job.give_up("for a reason")
     job.without(0).run(lambda attempt: None)
-    assert not any(SolveCase(campaign, planned).kept for planned in job.planned)
+    assert job.left() == [SolveCase(campaign, planned) for planned in job.planned]
 
 
 def test_a_portion_whose_process_dies_is_left_in_the_end(campaign: Campaign) -> None:
@@ -92,7 +93,7 @@ def test_a_portion_whose_process_dies_is_left_in_the_end(campaign: Campaign) -> 
     supervisor = Supervisor()
     supervisor.run(job)
     supervisor.close()
-    assert not any(SolveCase(campaign, planned).kept for planned in job.planned)
+    assert job.left() == [SolveCase(campaign, planned) for planned in job.planned]
 
 
 class Deadly(SolveTogether):
@@ -106,21 +107,23 @@ class Deadly(SolveTogether):
 def test_portions_follow_the_width_and_other_optimisers_go_alone(small_mission: Mission) -> None:
     text = small_mission.toml + "azimuth_deg = [-0.5, 0.0, 0.5]\n"
     campaign = Campaign(text, Path("nowhere"))
-    jobs, needs = planned_jobs(campaign, kept=set(), width=4)
-    portions = [job for job in jobs.values() if isinstance(job, SolveTogether)]
-    cases = [planned.case for job in portions for planned in job.planned]
+    nothing = np.zeros(campaign.grid.size, dtype=bool)
+    tasks = [t for t in planned_tasks(campaign, nothing, 4) if t.job.cases]
+    centre, *portions = tasks
+    assert isinstance(centre.job, SolveCase)
+    cases = [case for task in portions for case in task.job.cases]
     assert sorted(cases) == sorted(p.case for p in plan(campaign))
-    assert max(len(job.planned) for job in portions) <= 6
-    for name, job in jobs.items():
-        if isinstance(job, SolveCase) and job.planned.neighbours:
-            (portion,) = needs[name]
-            together = jobs[portion]
-            assert isinstance(together, SolveTogether)
-            assert job.planned in together.planned
-            assert {f"case {n}" for n in job.planned.neighbours} <= set(needs[portion])
+    assert max(len(task.job.cases) for task in portions) <= 6
+    solved = set(centre.job.cases)
+    for task in portions:
+        assert isinstance(task.job, SolveTogether)
+        assert set(task.needs) == {n for p in task.job.planned for n in p.neighbours}
+        assert solved.issuperset(task.needs)
+        solved.update(task.job.cases)
     other = Campaign(text, Path("nowhere"), another_optimiser)
-    jobs, needs = planned_jobs(other, kept={0}, width=4)
-    solving = [job for job in jobs.values() if not isinstance(job, AssembleBlock)]
+    kept = nothing.copy()
+    kept[0] = True
+    solving = [t.job for t in planned_tasks(other, kept, 4) if not isinstance(t.job, AssembleBlock)]
     assert len(solving) == 26
     assert all(isinstance(job, SolveCase) for job in solving)
 
