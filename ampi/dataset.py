@@ -3,6 +3,7 @@
     /                      root attributes: schema_version, mission TOML, provenance, content digest
     axis_<parameter>       the parameter axes, dimension scales (SI, rad)
     state, target          names of the state rows and of those the target holds, dimension scales
+    limit                  names of the mission's limits, dimension scale
     node, high_density     node indices, dimension scales
     states                 (p_1 … p_d, state, node)
     bank_rate              (p_1 … p_d, node)
@@ -38,8 +39,9 @@ from ampi.trajectory import Statistics, Status, Trajectory
 
 Array = NDArray[np.float64]
 
-# 3: without time_limit; 2: and without target_multipliers; 1: and with six parameter axes always
-SCHEMA_VERSION = 4
+# 4: with the peaks of three limits only; 3: without time_limit; 2: and without target_multipliers;
+# 1: and with six parameter axes always
+SCHEMA_VERSION = 5
 DIGEST = "content_sha256"
 ROW_NUMBERS = 2**20  # of a dataset, read at once for its digest
 SEAL_BYTES = 512  # the smallest HDF5 user block; readers skip it
@@ -67,7 +69,7 @@ class TrajectoryDataset:
     position_error: Array  # (p…), m, of re-integration
     altitude_error: Array  # (p…), m
     speed_error: Array  # (p…), m/s
-    peak: Array  # (p…, 3), path constraints over their limits, between the nodes
+    peak: Array  # (p…, l), greatest use of each limit of the mission, between the nodes
     message: NDArray[np.bytes_]  # (p…)
     conversion: Array  # (n, m)
     high_density_time: Array  # (2, m)
@@ -347,7 +349,7 @@ FIELDS: dict[str, Field] = {
     "position_error": Field("m", "greatest position error against re-integration", ()),
     "altitude_error": Field("m", "greatest altitude error against re-integration", ()),
     "speed_error": Field("m/s", "greatest speed error against re-integration", ()),
-    "peak": Field("1", "greatest path constraint over its limit, 1 s grid", ("limit",)),
+    "peak": Field("1", "greatest use of each limit, 1 s grid", ("limit",)),
     "message": Field("1", "how the case was solved, or why it failed", (), dtype="S1000"),
     "node_time": Field("s", "a, b of node times t = a + b t_f", ("affine", "node"), False),
     "high_density_time": Field(

@@ -2,8 +2,8 @@
 
 DOP853 (Hairer, Nørsett, Wanner 1993; scipy) integrates the equations of motion from the same entry
 state under the bank-angle polynomial of the optimum, segment by segment, so that no step crosses a
-kink of the control. The states are then compared with the collocated ones, and the path constraints
-are read between the nodes, where the optimiser has not looked.
+kink of the control. The states are then compared with the collocated ones, and every limit is read
+between the nodes, where the optimiser has not looked.
 
 Many trajectories on one mesh are integrated together, vectorised over cases. The step size follows
 the root-mean-square error over the batch, so the relative tolerance is set a decade tighter than what
@@ -22,7 +22,6 @@ from scipy.integrate import solve_ivp
 from ampi.missions.family import MissionFamily
 from ampi.missions.mission import Mission
 from ampi.physics.equations_of_motion import FlightModel, equations_of_motion
-from ampi.physics.path_constraints import path_constraints
 from ampi.physics.planet import great_circle_distance
 from ampi.pseudospectral.lagrange import interpolation_matrix
 from ampi.pseudospectral.mesh import Mesh
@@ -43,10 +42,10 @@ class Reintegration:
     position_error: Array  # (c,), m: greatest over the nodes, horizontal and vertical together
     altitude_error: Array  # (c,), m: greatest over the nodes
     speed_error: Array  # (c,), m/s: greatest over the nodes
-    peak: Array  # (c, 3): greatest path constraint over its limit, on the fine grid
+    peak: Array  # (c, l): greatest use of each limit (`PathLimits.names`), on the fine grid
     fine_times: Array  # (c, k), s
     fine_states: Array  # (c, 7, k)
-    fine_path: Array  # (c, 3, k), over the limits
+    fine_path: Array  # (c, l, k), use of the limits
 
 
 def reintegrate(mission: Mission, trajectory: Trajectory) -> Reintegration:
@@ -64,14 +63,14 @@ def reintegrate_many(
 ) -> Reintegration:
     """Re-integrate trajectories `states` (c, 7, n) with `final_time` (c,) of a family on one mesh.
 
-    `spacing` (s) is the greatest distance of the points where the path constraints are read.
+    `spacing` (s) is the greatest distance of the points where the limits are read.
     """
     cases = len(states)
     model = family.flight_model()
     state = states[:, :6, 0].T.copy()
     nodes = np.empty((cases, 6, mesh.n_nodes))
     nodes[:, :, 0] = states[:, :6, 0]
-    pieces: list[tuple[Array, Array]] = []
+    pieces: list[tuple[Array, Array, Array]] = []
     for s in mesh.segments:
         start = s.start[0] + s.start[1] * final_time
         half = s.half_length[0] + s.half_length[1] * final_time
@@ -82,12 +81,15 @@ def reintegrate_many(
             :, :6, np.searchsorted(tau, s.rule.nodes[1:])
         ]
         state = path[:, :6, -1].T.copy()
-        pieces.append((start[:, None] + half[:, None] * (1.0 + tau), path))
-    times = np.concatenate([t for t, _ in pieces], axis=1)
-    fine_states = np.concatenate([p for _, p in pieces], axis=2)
+        rate = states[:, 6, s.nodes] @ s.rule.derivative_at(tau).T / half[:, None]
+        pieces.append((start[:, None] + half[:, None] * (1.0 + tau), path, rate))
+    times = np.concatenate([t for t, _, _ in pieces], axis=1)
+    fine_states = np.concatenate([p for _, p, _ in pieces], axis=2)
+    bank_rate = np.concatenate([r for _, _, r in pieces], axis=1)
     over_time = family.flight_model(trailing=1)
-    path_values = path_constraints(over_time, fine_states.transpose(1, 0, 2), times)
-    fine_path = np.stack(path_values, axis=1) / family.limits[:, :, None]
+    limits = family.path_limits(trailing=1)
+    use = limits.use(over_time, fine_states.transpose(1, 0, 2), bank_rate, times)
+    fine_path = np.stack(use, axis=1)
     radius = over_time.planet.equatorial_radius
     altitude_error = np.abs(nodes[:, 0] - states[:, 0])
     horizontal = great_circle_distance(states[:, 1], states[:, 2], nodes[:, 1], nodes[:, 2], radius)

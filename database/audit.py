@@ -3,7 +3,7 @@
 `audit` answers five questions with numbers of its own making, not with those stored in the file:
 
 1. Truth. Every case is flown again by DOP853 under its own bank angle (ampi.propagation).
-2. Limits. On that flight the path constraints are read on a 1 s grid, between the nodes.
+2. Limits. On that flight every limit is read on a 1 s grid, between the nodes.
 3. Interpolation. At random points of the hypercube the reference of each guidance mode is compared
    with the optimal control problem solved there: greatest error over the nodes of the flight, and the
    miss distance when the interpolated bank angle is flown open loop to the interpolated final time.
@@ -26,9 +26,9 @@ from ampi.dataset import TrajectoryDataset
 from ampi.loading import guidance_table
 from ampi.missions.family import MissionFamily
 from ampi.missions.mission import Mission
+from ampi.missions.path_limits import PathLimits
 from ampi.onboard.reference import Mode, ReferenceGenerator
 from ampi.onboard.table import RATE_ROW, STATE_ROWS, GuidanceTable
-from ampi.physics.path_constraints import PATH_CONSTRAINTS
 from ampi.physics.planet import great_circle_distance
 from ampi.propagation import reintegrate_many
 from ampi.scp.solve import solve
@@ -75,7 +75,7 @@ class PerCase:
     position_error_m: Array  # (c,), greatest along the flight
     altitude_error_m: Array  # (c,)
     speed_error_m_per_s: Array  # (c,)
-    limits_used: Array  # (c, 3), greatest path constraint over its limit, between the nodes
+    limits_used: Array  # (c, l), greatest use of each limit, between the nodes
 
 
 @dataclass(frozen=True)
@@ -87,7 +87,7 @@ class AuditReport:
     position_error: Quantity  # m, greatest along each flight
     altitude_error: Quantity  # m
     speed_error: Quantity  # m/s
-    limits: dict[str, float]  # greatest value over its limit, between the nodes
+    limits: dict[str, float]  # greatest use of each, between the nodes
     probes: int
     unsolved_probes: int
     hidden_probes: int  # whose cell has a case without a solution: AMPI has no reference there
@@ -136,6 +136,7 @@ def audit(
         raise ValueError(f"probes: expected a non-negative number, got {probes}")
     notify = advance or (lambda count: None)
     flown = _fly_again(dataset, notify)
+    names = PathLimits.of(dataset.mission).names
     peak = flown.limits_used.max(axis=0, initial=0.0)
     probed = _probe(dataset, probes, seed, n_jobs, notify)
     return AuditReport(
@@ -146,7 +147,7 @@ def audit(
         position_error=Quantity.of(flown.position_error_m),
         altitude_error=Quantity.of(flown.altitude_error_m),
         speed_error=Quantity.of(flown.speed_error_m_per_s),
-        limits={n: float(v) for n, v in zip(PATH_CONSTRAINTS, peak, strict=True)},
+        limits={n: float(v) for n, v in zip(names, peak, strict=True)},
         probes=probes,
         unsolved_probes=probed.unsolved,
         hidden_probes=probed.hidden,
@@ -169,7 +170,7 @@ def _fly_again(dataset: TrajectoryDataset, notify: Callable[[int], None]) -> Per
     good = np.flatnonzero(dataset.solved.ravel())
     states = dataset.states.reshape(-1, 7, n)[good]
     final_time = dataset.final_time.ravel()[good]
-    errors, peak = np.zeros((3, len(good))), np.zeros((len(good), 3))
+    errors, peak = np.zeros((3, len(good))), np.zeros((len(good), dataset.peak.shape[-1]))
     for i in range(0, len(good), CHUNK):
         part = slice(i, i + CHUNK)
         family = mission.family(points[good[part]])

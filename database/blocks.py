@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from ampi.dataset import FIELDS
 from ampi.missions.mission import Mission
+from ampi.missions.path_limits import PathLimits
 from ampi.propagation import reintegrate_many
 from ampi.scp.problem import OptimalControlProblem
 from database.gains import GainSettings, vertex_gains
@@ -113,7 +114,7 @@ def assemble(
     errors = {
         name: np.full(cases, np.nan) for name in ("position_error", "altitude_error", "speed_error")
     }
-    peak = np.full((cases, 3), np.nan)
+    peak = np.full((cases, len(PathLimits.of(mission).names)), np.nan)
     if good.any():
         grid = Grid.from_mission(mission)
         solved = [r.case for r in records if r.trajectory.status.ok]

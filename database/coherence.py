@@ -37,8 +37,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ampi.dataset import TrajectoryDataset
+from ampi.missions.path_limits import KEPT, PathLimits
 from ampi.physics.equations_of_motion import STATES
-from ampi.physics.path_constraints import PATH_CONSTRAINTS
 from database.grid import Grid
 
 Array = NDArray[np.float64]
@@ -47,7 +47,6 @@ ROWS = (*STATES, "final_time")
 # The 729 optima of SHEFEX-3 reach 5 (their 2187 with density 6), a case of its other branch 16 to 40.
 THRESHOLD = 10.0
 RESOLUTION = 1e-5
-ACTING = 0.9995  # of a path limit, read on a 1 s grid
 
 
 @dataclass(frozen=True)
@@ -116,7 +115,7 @@ def coherence(dataset: TrajectoryDataset) -> Coherence:
             [_known(r, 0.0).reshape(-1, len(ROWS)).max(axis=0) for r in ratios.values()], 0
         ),
         roughness=roughness,
-        outliers=tuple(_outlier(grid, case, roughness, dataset.peak) for case in blamed),
+        outliers=tuple(_outlier(dataset, grid, case, roughness) for case in blamed),
     )
 
 
@@ -193,12 +192,15 @@ def _blamed(grid: Grid, roughness: Array, ratios: dict[int, Array]) -> list[int]
     return sorted(blamed, key=lambda case: (-float(roughness.ravel()[case]), case))
 
 
-def _outlier(grid: Grid, case: int, roughness: Array, peak: Array) -> Outlier:
+def _outlier(dataset: TrajectoryDataset, grid: Grid, case: int, roughness: Array) -> Outlier:
     index = tuple(int(i) for i in np.unravel_index(case, grid.shape))
     point = dict(zip(grid.names, grid.point(case).tolist(), strict=True))
-    acts = peak.reshape(grid.size, -1) >= ACTING
+    mission = dataset.mission
+    limits = PathLimits.of(mission).names
+    acting = np.array([mission.limits.share(name) * (1.0 - 0.5 * KEPT) for name in limits])
+    acts = dataset.peak.reshape(grid.size, -1) >= acting
     alone = acts[case] & ~acts[grid.beside(case)].any(axis=0)
-    limit = next((n for n, only in zip(PATH_CONSTRAINTS, alone, strict=True) if only), None)
+    limit = next((n for n, only in zip(limits, alone, strict=True) if only), None)
     return Outlier(case, index, point, float(roughness[index]), limit)
 
 

@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from ampi.missions.path_limits import PathLimits
 from ampi.physics.equations_of_motion import STATES
-from ampi.physics.path_constraints import PATH_CONSTRAINTS
 from ampi.pseudospectral.mesh import Mesh
 from ampi.scp.problem import OptimalControlProblem
 from database.blocks import Block, block_shape
@@ -60,7 +60,7 @@ def write_database(
         scales={
             "state": np.array(STATES, dtype="S20"),
             "target": np.array(STATES, dtype="S20")[problem.target.state],
-            "limit": np.array(PATH_CONSTRAINTS, dtype="S20"),
+            "limit": np.array(PathLimits.of(mission).names, dtype="S20"),
             "affine": np.array(["a", "b"], dtype="S1"),
             "node": np.arange(mesh.n_nodes),
             "high_density": np.arange(len(fixed)),

@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ampi.missions.path_limits import PathLimits
 from ampi.physics.equations_of_motion import FlightModel
-from ampi.physics.path_constraints import PATH_CONSTRAINTS
 
 if TYPE_CHECKING:
     from ampi.missions.mission import Mission
@@ -34,13 +34,6 @@ class MissionFamily:
         """(c, 6): h, θ, φ, V, γ, ψ (m, rad, m/s)."""
         return np.array([mission.entry_state for mission in self.missions]).reshape(-1, 6)
 
-    @property
-    def limits(self) -> Array:
-        """(c, 3): limits of the path constraints (Pa, W/m², g)."""
-        return np.array(
-            [[getattr(m.limits, name) for name in PATH_CONSTRAINTS] for m in self.missions]
-        )
-
     def target(self, name: str) -> Array:
         """(c,): a number of the target (SI, rad)."""
         return np.array([getattr(mission.target, name) for mission in self.missions])
@@ -49,6 +42,12 @@ class MissionFamily:
         """The family's flight model; its arrays are (c,) with `trailing` axes of one point behind."""
         models = [mission.flight_model for mission in self.missions]
         joined: FlightModel = _joined(models, (len(models), *[1] * trailing))
+        return joined
+
+    def path_limits(self, trailing: int = 0) -> PathLimits:
+        """The family's limits, of the same shapes."""
+        limits = [PathLimits.of(mission) for mission in self.missions]
+        joined: PathLimits = _joined(limits, (len(limits), *[1] * trailing))
         return joined
 
 

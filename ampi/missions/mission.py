@@ -35,7 +35,7 @@ from ampi.physics.aerodynamics import (
 from ampi.physics.angles import TURN, on_turn_of
 from ampi.physics.atmosphere import Atmosphere, ExponentialAtmosphere, StandardAtmosphere1976
 from ampi.physics.equations_of_motion import FlightModel
-from ampi.physics.path_constraints import PATH_CONSTRAINTS, path_constraints
+from ampi.physics.path_constraints import PATH_CONSTRAINTS, no_fly_zone, path_constraints
 from ampi.physics.planet import WGS84, Planet, great_circle_distance
 from ampi.physics.vehicle import AngleOfAttackSchedule, Vehicle, air_loads
 from ampi.pseudospectral.mesh import Mesh, Phase
@@ -257,10 +257,14 @@ class TargetSection(Section):
         return value
 
 
+Margin = Annotated[float, Field(strict=True, ge=0, lt=1)]
+
+
 class LimitsSection(Section):
     """Bank angle, rate and acceleration (±), the three path constraints of Eq. (4), a drag floor.
 
-    The drag floor (Liu 2015, Eq. 73) holds where the speed is below `drag_floor_speed`.
+    The drag floor (Liu 2015, Eq. 73) holds where the speed is below `drag_floor_speed`. A margin is the
+    share of a limit that an optimum leaves unused (path_limits); verdicts judge by the limit itself.
     """
 
     bank_angle: u.Angle = Field(gt=0, le=np.pi)
@@ -272,6 +276,23 @@ class LimitsSection(Section):
     load_factor: u.LoadFactor = Field(gt=0)
     drag_floor: u.LoadFactor | None = Field(default=None, gt=0)
     drag_floor_speed: u.Speed | None = Field(default=None, gt=0)
+    bank_angle_margin: Margin = 0.0
+    bank_rate_margin: Margin = 0.0
+    dynamic_pressure_margin: Margin = 0.0
+    heat_flux_margin: Margin = 0.0
+    load_factor_margin: Margin = 0.0
+    drag_floor_margin: Margin = 0.0
+    no_fly_zone_margin: Margin = 0.0  # of every zone
+
+    def share(self, limit: str) -> float:
+        """What an optimum may use of a limit (`PathLimits.names`): 1 − its margin."""
+        margin: float = getattr(self, f"{limit.partition(' ')[0]}_margin")
+        return 1.0 - margin
+
+    def designed(self, limit: str) -> float:
+        """A limit less its margin (SI, rad)."""
+        value: float = getattr(self, limit)
+        return value * self.share(limit)
 
     @model_validator(mode="after")
     def _floor_is_complete(self) -> LimitsSection:
@@ -455,10 +476,12 @@ class Mission(Section):
     def _limits_hold_at(self, place: str, state: list[float], time: float) -> None:
         values = path_constraints(self.flight_model, state, time)
         for name, unit, value in zip(PATH_CONSTRAINTS, ("Pa", "W/m²", "g"), values, strict=True):
-            if value > getattr(self.limits, name):
+            if value > self.limits.designed(name):
+                margin = getattr(self.limits, f"{name}_margin")
+                less = f" less its margin of {100.0 * margin:g} %" if margin else ""
                 raise ValueError(
                     f"limits.{name}: expected at least {float(value):.4g} {unit}, its value at the "
-                    f"{place}; got {getattr(self.limits, name):.4g} {unit}; raise the limit or "
+                    f"{place}; got {getattr(self.limits, name):.4g} {unit}{less}; raise the limit or "
                     f"change the {place}"
                 )
 
@@ -469,10 +492,12 @@ class Mission(Section):
         model, target = self.flight_model, self.target
         air = air_loads(model.vehicle, model.atmosphere, target.altitude, target.speed, LATE)
         drag = float(air.drag) / model.planet.load_factor_gravity
-        if drag < floor:
+        margin = self.limits.drag_floor_margin
+        if drag < floor * (1.0 + margin):
+            less = f" and a margin of {100.0 * margin:g} %" if margin else ""
             raise ValueError(
                 f"limits.drag_floor: expected at most {drag:.4g} g, the drag at the target; got "
-                f"{floor:.4g} g; lower the floor or change the target"
+                f"{floor:.4g} g{less}; lower the floor or change the target"
             )
 
     def _zones_are_clear(self) -> None:
@@ -484,11 +509,13 @@ class Mission(Section):
             for place, end in ends:
                 centre = (zone.longitude, zone.latitude)
                 away = great_circle_distance(end.longitude, end.latitude, *centre, sphere)
-                if away < zone.radius:
+                here = no_fly_zone(end.longitude, end.latitude, (*centre, zone.radius / sphere))
+                if here > self.limits.share("no_fly_zone"):
                     raise ValueError(
                         f"no_fly_zone {number}: expected the {place} outside the zone, got it "
                         f"{away / 1e3:.0f} km from the centre of a zone of "
-                        f"{zone.radius / 1e3:.0f} km; move the zone or the {place}"
+                        f"{zone.radius / 1e3:.0f} km{' and its margin' if here <= 1.0 else ''}; "
+                        f"move the zone or the {place}"
                     )
 
     @cached_property

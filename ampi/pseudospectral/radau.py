@@ -21,7 +21,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import eval_legendre, roots_jacobi
 
-from ampi.pseudospectral.lagrange import barycentric_weights, differentiation_matrix
+from ampi.pseudospectral.lagrange import (
+    barycentric_weights,
+    differentiation_matrix,
+    interpolation_matrix,
+)
 
 Array = NDArray[np.float64]
 
@@ -50,6 +54,14 @@ class FlippedRadau:
                 raise ValueError(f"flipped Radau, degree {self.degree}: {law}")
         for array in (self.nodes, self.weights, self.derivative, self.barycentric):
             array.setflags(write=False)
+
+    def derivative_at(self, points: Array) -> Array:
+        """Matrix (points, N+1) from nodal values to the interpolant's derivative anywhere.
+
+        The derivative is of degree N − 1: its values at the collocation points determine it.
+        """
+        inner = self.nodes[1:]
+        return interpolation_matrix(inner, barycentric_weights(inner), points) @ self.derivative
 
 
 @lru_cache(maxsize=256)

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from ampi.missions.mission import Mission
+from ampi.missions.path_limits import PathLimits
 from ampi.physics.angles import wrapped
 from ampi.physics.planet import great_circle_distance
 from ampi.propagation import reintegrate
@@ -59,7 +60,7 @@ class Reproduction:
 
 def end_errors(mission: Mission, trajectory: Trajectory) -> dict[str, float]:
     """Re-integrated minus optimised state at the end, and the greatest use of a limit on the way."""
-    flown = reintegrate(mission, trajectory)
+    flown, limits = reintegrate(mission, trajectory), PathLimits.of(mission)
     error = flown.states[0, :, -1] - trajectory.states[:6, -1]
     error[[1, 5]] = wrapped(error[[1, 5]])
     radius = mission.flight_model.planet.equatorial_radius
@@ -77,7 +78,7 @@ def end_errors(mission: Mission, trajectory: Trajectory) -> dict[str, float]:
         "azimuth_deg": float(degrees[5]),
         "horizontal_m": float(away),
         "norm": float(np.linalg.norm(error / UNITS)),
-        "greatest_limit_use": float(flown.peak.max()),
+        "greatest_limit_use": float(flown.peak[0, : len(limits.on_the_path)].max()),
     }
 
 

@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ampi.missions.mission import TARGET_WEIGHTS, Mission
+from ampi.missions.path_limits import PathLimits
 
 TERMS = (
     "bank_rate_effort",
@@ -47,6 +48,7 @@ def asked_for(mission: Mission) -> tuple[list[str], list[str]]:
         "final azimuth": target.azimuth is not None,
         "free position": target.position == "free",
         "fixed phases": len(mission.mesh.phase) > 1,
+        "design margins": any(limits.share(name) < 1.0 for name in PathLimits.of(mission).names),
     }
     terms = {name: getattr(objective, name) != 0.0 for name in TERMS}
     terms["target weights"] = getattr(objective, TARGET_WEIGHTS[0]) is not None
@@ -64,13 +66,15 @@ CONDENSED = Capabilities(
             "final azimuth",
             "free position",
             "fixed phases",
+            "design margins",
         }
     ),
     terms=frozenset({*TERMS, "target weights"}),
 )
 
 OVER_TIME = Capabilities(  # the literature's methods over time
-    constraints=CONDENSED.constraints - {"fixed phases"}, terms=frozenset(TERMS)
+    constraints=CONDENSED.constraints - {"fixed phases", "design margins"},
+    terms=frozenset(TERMS),
 )
 OVER_ENERGY = Capabilities(
     constraints=OVER_TIME.constraints | {"bank_angle_minimum"},

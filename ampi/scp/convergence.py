@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from ampi.missions.path_limits import KEPT
 from ampi.physics.planet import great_circle_distance
 from ampi.scp.problem import N_STATES, OptimalControlProblem
 from ampi.trajectory import Status
@@ -27,7 +28,7 @@ class ConvergenceSettings:
     """
 
     step: float = 3e-4
-    limit_excess: float = 1e-4  # relative excess of a path limit at the nodes
+    limit_excess: float = KEPT  # relative excess of a path limit at the nodes
     horizontal_miss: float = 1e3 / 6.378137e6  # rad: beyond, the target counts as missed
 
 

@@ -31,6 +31,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ampi.missions.mission import Mission
+from ampi.missions.path_limits import KEPT
 from ampi.physics.planet import great_circle_distance
 from ampi.pseudospectral.mesh import Mesh
 from ampi.scp.acceleration import AitkenRelaxation
@@ -204,7 +205,7 @@ def _status(mission: Mission, ended: str, flight: Trajectory, excess: float) -> 
         return Status.ITERATION_LIMIT
     if ended.startswith("subproblem"):
         return Status.SUBPROBLEM_FAILED
-    if not excess <= 1e-3:  # NaN too
+    if not excess <= KEPT:  # NaN too
         return Status.LIMITS_EXCEEDED
     target, final = mission.target, flight.states[:, -1]
     radius = mission.flight_model.planet.equatorial_radius

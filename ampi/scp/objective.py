@@ -40,7 +40,7 @@ class Objective:
     @classmethod
     def from_mission(cls, mission: Mission) -> Objective:
         """Divide the mission's weights by the scale described above."""
-        given, rate = mission.objective, mission.limits.bank_rate / DEGREE
+        given, rate = mission.objective, mission.limits.designed("bank_rate") / DEGREE
         scale = _exchange_rate(mission)
         return cls(
             cost_scale=scale,

@@ -105,8 +105,8 @@ class OptimalControlProblem:
     objective: Objective
     functions: NodeFunctions
     target_tolerance: Array  # (2,): altitude, speed
-    bank_limit: float  # rad
-    bank_rate_limit: float  # rad/s
+    bank_limit: float  # rad, less its margin
+    bank_rate_limit: float  # rad/s, less its margin
 
     @classmethod
     def from_mission(
@@ -128,8 +128,8 @@ class OptimalControlProblem:
             target_tolerance=np.array(
                 [target.altitude_tolerance / scale[0], target.speed_tolerance / scale[3]]
             ),
-            bank_limit=limits.bank_angle,
-            bank_rate_limit=limits.bank_rate,
+            bank_limit=limits.designed("bank_angle"),
+            bank_rate_limit=limits.designed("bank_rate"),
         )
 
     @property

@@ -35,10 +35,10 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
 from ampi.missions.mission import Mission
+from ampi.missions.path_limits import KEPT, PathLimits
 from ampi.physics.equations_of_motion import equations_of_motion
 from ampi.pseudospectral.lagrange import interpolation_matrix
 from ampi.pseudospectral.mesh import Mesh, Phase, Segment
-from ampi.scp.node_functions import NodeFunctions
 from ampi.trajectory import RefinementRound, Status, Trajectory
 
 Array = NDArray[np.float64]
@@ -52,8 +52,8 @@ class RefinementSettings:
     """What is asked for, how meshes grow, and the caps after which refinement gives up."""
 
     tolerance: float = 1e-5  # of a segment's states, over 10 km, 1 rad, 1 km/s
-    limit_tolerance: float = 1e-4  # relative excess of a limit between the nodes
-    points: int = 24  # per segment, where the limits are read
+    limit_tolerance: float = KEPT  # relative excess of a limit between the nodes
+    spacing: float = 1.0  # s, at most, of the points where the limits are read
     least_degree: int = 4
     greatest_degree: int = 14
     most_parts: int = 3
@@ -68,7 +68,14 @@ class RefinementSettings:
                 f"refinement: expected 1 ≤ least_degree ≤ greatest_degree, got {self.least_degree} "
                 f"and {self.greatest_degree}"
             )
-        for name in ("tolerance", "limit_tolerance", "max_nodes", "max_rounds", "max_seconds"):
+        for name in (
+            "tolerance",
+            "limit_tolerance",
+            "spacing",
+            "max_nodes",
+            "max_rounds",
+            "max_seconds",
+        ):
             if getattr(self, name) <= 0:
                 raise ValueError(f"refinement.{name}: must be positive, got {getattr(self, name)}")
 
@@ -87,9 +94,9 @@ class MeshError:
 
 def mesh_error(mission: Mission, trajectory: Trajectory, settings: RefinementSettings) -> MeshError:
     """Fly every segment again and read the limits between its nodes."""
-    functions = NodeFunctions.from_mission(mission)
+    limits = PathLimits.of(mission)
     found = [
-        _segment_error(mission, functions, trajectory, s, settings.points)
+        _segment_error(mission, limits, trajectory, s, settings.spacing)
         for s in trajectory.mesh.segments
     ]
     state, excess = np.array(found).T
@@ -97,13 +104,14 @@ def mesh_error(mission: Mission, trajectory: Trajectory, settings: RefinementSet
 
 
 def _segment_error(
-    mission: Mission, functions: NodeFunctions, trajectory: Trajectory, s: Segment, points: int
+    mission: Mission, limits: PathLimits, trajectory: Trajectory, s: Segment, spacing: float
 ) -> tuple[float, float]:
     model, rule = mission.flight_model, s.rule
     start = s.start[0] + s.start[1] * trajectory.final_time
     half = s.half_length[0] + s.half_length[1] * trajectory.final_time
     collocated = trajectory.states[:, s.nodes]
-    tau = np.union1d(np.linspace(-1.0, 1.0, points), rule.nodes)
+    points = np.linspace(-1.0, 1.0, int(np.ceil(2.0 * half / spacing)) + 1)
+    tau = np.union1d(points, rule.nodes)
 
     def bank(at: Array) -> Array:
         return interpolation_matrix(rule.nodes, rule.barycentric, at) @ collocated[6]
@@ -127,8 +135,9 @@ def _segment_error(
         return np.inf, np.inf
     at_nodes = flown.y[:, np.searchsorted(tau, rule.nodes)]
     error = np.abs(at_nodes - collocated[:6]).max(axis=1) / STATE_SCALE
-    g = functions.path(model, [*flown.y, bank(tau)], start + half * (1.0 + tau))
-    return float(error.max()), max(float(np.max(one)) for one in g) - 1.0
+    rate = rule.derivative_at(tau) @ collocated[6] / half
+    use = limits.use(model, [*flown.y, bank(tau)], rate, start + half * (1.0 + tau))
+    return float(error.max()), max(float(np.max(one)) for one in use) - 1.0
 
 
 def refined_mesh(mesh: Mesh, ratio: Array, settings: RefinementSettings) -> Mesh:

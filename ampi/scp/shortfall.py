@@ -5,12 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from ampi.missions.mission import Mission
+from ampi.missions.path_limits import KEPT, PathLimits
 from ampi.physics.angles import on_turn_of
 from ampi.physics.planet import great_circle_distance
-from ampi.scp.node_functions import NodeFunctions
 from ampi.trajectory import Trajectory
 
-EXCESS = 1e-3  # relative; less is not worth a word
 DEGREE = float(np.pi / 180.0)
 
 
@@ -32,12 +31,14 @@ def shortfall(mission: Mission, trajectory: Trajectory) -> list[str]:
 
 
 def _exceeded(mission: Mission, trajectory: Trajectory) -> list[str]:
-    functions = NodeFunctions.from_mission(mission)
-    path = functions.path(mission.flight_model, trajectory.states, trajectory.times)
+    limits = PathLimits.of(mission)
+    rate, times = trajectory.bank_rate, trajectory.times
     found = []
-    for name, g in zip(functions.names, path, strict=True):
-        excess = float(np.max(g)) - 1.0
-        if excess <= EXCESS:
+    for name, use in zip(
+        limits.names, limits.use(mission.flight_model, trajectory.states, rate, times), strict=True
+    ):
+        excess = float(np.max(use)) - 1.0
+        if excess <= KEPT:
             continue
         if name.startswith("no_fly_zone"):
             share = np.sqrt(

@@ -17,7 +17,6 @@ from ampi.guidance import Guidance
 from ampi.missions.family import MissionFamily
 from ampi.onboard.reference import Reference
 from ampi.physics.equations_of_motion import FlightModel, equations_of_motion
-from ampi.physics.path_constraints import path_constraints
 from ampi.tracking.bank_limiter import limited_rate
 from ampi.tracking.linear_quadratic import bank_rate_command
 
@@ -52,7 +51,7 @@ class FlightBatch:
     states: Array  # (n, 7, k)
     reference_states: Array  # (n, 7, k)
     bank_rate: Array  # (n, k), flown, rad/s
-    peak: Array  # (n, 3): greatest q (Pa), Q̇ (W/m²) and n_z (g), read at every guidance cycle
+    peak: Array  # (n, l): greatest use of each limit of the mission, read at every guidance cycle
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,6 +88,7 @@ def _fly(
     family: MissionFamily, guidance: Guidance, parameters: Array, record_every: float
 ) -> FlightBatch:
     n, cycle, model = len(parameters), guidance.cycle, family.flight_model()
+    path_limits = family.path_limits()
     entry_states, target_speed = family.entry_states, family.target("speed")
     references, limits = _StackedReferences.of(guidance, parameters), guidance.limits_at(parameters)
     flight = np.arange(n)
@@ -96,7 +96,7 @@ def _fly(
     rate, pointer = references.rows[:, 7, 0].copy(), np.zeros(n, dtype=np.intp)
     final, final_time = np.full((n, 7), np.nan), np.full(n, np.nan)
     status = np.full(n, int(FlightStatus.TIME_LIMIT))
-    peak = np.zeros((3, n))
+    peak = np.zeros((len(path_limits.names), n))
     finite = np.all(np.isfinite(parameters), axis=1) & np.all(np.isfinite(entry_states), axis=1)
     flying = finite & (entry_states[:, 3] > target_speed)
     slow = finite & ~flying
@@ -108,8 +108,8 @@ def _fly(
     record: list[tuple[float, Array, Array, Array]] = []
     for step in range(steps):
         time = step * cycle
-        loads = np.stack(path_constraints(model, x, time))
-        peak = np.where(flying, np.maximum(peak, loads), peak)
+        use = np.stack(path_limits.use(model, x, rate, time))
+        peak = np.where(flying, np.maximum(peak, use), peak)
         at, wanted, gain = _look_up(references, flight, pointer, time)
         wanted = bank_rate_command(x, at, wanted, gain)
         wanted = np.where(time >= references.final_time, 0.0, wanted)

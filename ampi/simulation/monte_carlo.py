@@ -24,9 +24,9 @@ from threadpoolctl import threadpool_limits
 from ampi.guidance import Guidance
 from ampi.missions.family import MissionFamily
 from ampi.missions.mission import Mission, mission_digest
+from ampi.missions.path_limits import KEPT
 from ampi.onboard.reference import Mode
 from ampi.outputs import written
-from ampi.physics.path_constraints import PATH_CONSTRAINTS, path_constraints
 from ampi.physics.planet import bearing, great_circle_distance
 from ampi.simulation.closed_loop import FlightBatch, FlightStatus, fly_batch
 from ampi.simulation.dispersions import Dispersions
@@ -36,7 +36,6 @@ Array = NDArray[np.float64]
 # what a few wrong bytes in an archive raise
 DAMAGED = (BadZipFile, LZMAError, zlib.error, OSError, EOFError, RuntimeError, MemoryError)
 DIGEST = "sha256"  # in a file of flights: of all else in it
-KEPT = 1e-3  # a limit is kept up to this share of it
 BATCH = 100  # flights; fixed, or the last bits would depend on the number of workers
 
 
@@ -280,7 +279,10 @@ def _assemble(
     family, target = mission.family(draws), mission.target
     radius = family.flight_model().planet.equatorial_radius
     along, across = _track_frame(mission, family, guidance, final, radius)
-    values = path_constraints(family.flight_model(trailing=1), states.transpose(1, 0, 2), times)
+    bank_rate = joined([b.bank_rate for b in batches])
+    limits = family.path_limits(trailing=1)
+    over_time = family.flight_model(trailing=1)
+    use = limits.use(over_time, states.transpose(1, 0, 2), bank_rate, times)
     return Flights(
         mission=mission.name,
         mission_sha256=mission_digest(mission),
@@ -306,10 +308,10 @@ def _assemble(
         times=times,
         states=states,
         reference_states=joined([b.reference_states for b in batches]),
-        bank_rate=joined([b.bank_rate for b in batches]),
-        limits=PATH_CONSTRAINTS,
-        path=np.stack(values, axis=1) / family.limits[:, :, None],
-        peak=np.concatenate([b.peak for b in batches]) / family.limits,
+        bank_rate=bank_rate,
+        limits=limits.names,
+        path=np.stack(use, axis=1),
+        peak=np.concatenate([b.peak for b in batches]),
         position_tolerance=target.position_tolerance if target.position == "fixed" else np.inf,
         altitude_tolerance=target.altitude_tolerance,
         speed_tolerance=target.speed_tolerance,

@@ -85,7 +85,7 @@ class Verdict:
     miss: Spread  # m
     altitude: Spread  # m
     speed: Spread  # m/s
-    peak: dict[str, Spread]  # of each path constraint over its limit, per flight
+    peak: dict[str, Spread]  # greatest use of each limit, per flight
     limits_kept: Fraction
     footprint_area: float  # m²
 

@@ -89,7 +89,7 @@ def test_an_uneven_axis_accuses_nobody_but_the_case_that_jumped(
         states=states,
         final_time=600.0 + p,
         status=np.zeros(len(p), dtype=int),
-        peak=np.zeros((len(p), 3)),
+        peak=np.zeros((len(p), small.peak.shape[-1])),
     )
     found = coherence(family)
     assert bool(found.outliers) is (jump is not None)

@@ -122,7 +122,7 @@ def test_a_family_flies_as_its_members_do(text: str) -> None:
         alone = path_constraints(mission.flight_model, states[:, i], times[i])
         assert loads[:, i] == pytest.approx(np.array(alone), rel=1e-13)
         assert wide[:, i, 2] == pytest.approx(np.array(alone), rel=1e-13)
-        assert family.limits[i, 1] == mission.limits.heat_flux
+        assert family.path_limits().loads[1][i] == mission.limits.heat_flux
         assert family.target("longitude")[i] == mission.target.longitude
         assert family.entry_states[i] == pytest.approx(mission.entry_state, rel=0)
 

@@ -10,6 +10,7 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
+from ampi.missions.path_limits import PathLimits
 from ampi.physics.equations_of_motion import FlightModel, equations_of_motion
 from ampi.physics.path_constraints import path_constraints
 from ampi.scp.derivatives import ScaledDynamics
@@ -38,7 +39,9 @@ rates = st.floats(-1.0, 1.0)
 @lru_cache(maxsize=4)
 def traced(model: FlightModel) -> ScaledDynamics:
     """CasADi functions of one node."""
-    return ScaledDynamics(model, NodeFunctions(limits=LIMITS), tuple(SCALE), RATE_SCALE, 1)
+    return ScaledDynamics(
+        model, NodeFunctions(limits=PathLimits(loads=LIMITS)), tuple(SCALE), RATE_SCALE, 1
+    )
 
 
 def away_from_kinks(model: FlightModel, state: tuple[float, ...]) -> bool:
@@ -156,7 +159,9 @@ def test_nodes_do_not_touch_each_other(model: FlightModel) -> None:
     x = nodes * rng.uniform(0.9, 1.1, (5, 7))
     u, t = rng.uniform(-1.0, 1.0, 5), rng.uniform(100.0, 500.0, 5)
     mu, nu = rng.normal(size=(5, 7)), rng.normal(size=(5, 3))
-    together = ScaledDynamics(model, NodeFunctions(limits=LIMITS), tuple(SCALE), RATE_SCALE, 5)
+    together = ScaledDynamics(
+        model, NodeFunctions(limits=PathLimits(loads=LIMITS)), tuple(SCALE), RATE_SCALE, 5
+    )
     first, second = together.first(x, u, t), together.hessian(x, u, t, mu, nu).copy()
     for k in range(5):
         one = slice(k, k + 1)

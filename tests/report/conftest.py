@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from ampi.missions.mission import Mission, load_mission
+from ampi.missions.path_limits import PathLimits
 from ampi.onboard.reference import Mode
 from ampi.onboard.table import GuidanceTable
-from ampi.physics.path_constraints import PATH_CONSTRAINTS
 from ampi.simulation.closed_loop import FlightStatus
 from ampi.simulation.monte_carlo import Flights
 
@@ -66,7 +66,8 @@ def campaign(mission: Mission, mode: Mode) -> Flights:
     end = rng.integers(K - 3, K + 1, N)[:, None] <= np.arange(K)
     status = np.full(N, int(FlightStatus.REACHED_SPEED))
     status[:3] = (FlightStatus.GROUND, FlightStatus.TIME_LIMIT, FlightStatus.NOT_FINITE)
-    path = 0.8 * rng.random((N, 3, K))
+    limits = PathLimits.of(mission).names
+    path = 0.8 * rng.random((N, len(limits), K))
     path[:4, 2, 5] = 1.2
     peak = path.max(axis=2)
     final = states[:, :, -1] + 0.0
@@ -94,7 +95,7 @@ def campaign(mission: Mission, mode: Mode) -> Flights:
         states=np.where(end[:, None], np.nan, states),
         reference_states=np.where(end[:, None], np.nan, reference),
         bank_rate=np.where(end, np.nan, 0.01),
-        limits=PATH_CONSTRAINTS,
+        limits=limits,
         path=np.where(end[:, None], np.nan, path),
         peak=peak,
         position_tolerance=mission.target.position_tolerance,

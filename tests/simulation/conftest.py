@@ -14,8 +14,8 @@ from ampi.dataset import TrajectoryDataset, read_dataset
 from ampi.guidance import Guidance
 from ampi.loading import load_guidance
 from ampi.missions.mission import Mission, load_mission, parse_mission
+from ampi.missions.path_limits import PathLimits
 from ampi.onboard.reference import Mode
-from ampi.physics.path_constraints import PATH_CONSTRAINTS
 from ampi.simulation.monte_carlo import Flights
 
 SMALL_GRID = """[grid]
@@ -76,9 +76,9 @@ def synthetic_flights(n: int = 200, seed: int = 0, **changes: Any) -> Flights:
         "states": rng.standard_normal((n, 7, 4)),
         "reference_states": rng.standard_normal((n, 7, 4)),
         "bank_rate": rng.standard_normal((n, 4)),
-        "limits": PATH_CONSTRAINTS,
-        "path": rng.uniform(0.0, 1.1, (n, 3, 4)),
-        "peak": rng.uniform(0.5, 1.1, (n, 3)),
+        "limits": PathLimits().names,
+        "path": rng.uniform(0.0, 1.1, (n, 5, 4)),
+        "peak": rng.uniform(0.5, 1.1, (n, 5)),
         "position_tolerance": 25e3,
         "altitude_tolerance": 150.0,
         "speed_tolerance": 25.0,

@@ -11,6 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import stats
 
+from ampi.missions.path_limits import KEPT
 from ampi.onboard.reference import Mode
 from ampi.simulation.closed_loop import FlightStatus
 from ampi.simulation.monte_carlo import Flights
@@ -146,11 +147,11 @@ def test_a_campaign_in_which_nothing_arrives(
 
 
 def test_one_limit_exceeded_is_a_flight_that_did_not_keep_them(make_flights: FlightMaker) -> None:
-    peak = np.full((4, 3), 0.5)
-    peak[1, 0], peak[2, 1], peak[3, 2] = 1.001, np.nextafter(1.001, 2.0), 0.9
+    peak = np.full((4, 5), 0.5)
+    peak[1, 0], peak[2, 1], peak[3, 2] = 1.0 + KEPT, np.nextafter(1.0 + KEPT, 2.0), 0.9
     verdict = judge(make_flights(4, peak=peak))
     assert verdict.limits_kept.count == 3
-    assert verdict.peak["dynamic_pressure"] == Spread.of(np.array([0.5, 1.001, 0.5, 0.5]))
+    assert verdict.peak["dynamic_pressure"] == Spread.of(np.array([0.5, 1.0 + KEPT, 0.5, 0.5]))
     assert verdict.peak["heat_flux"].worst > 1.0
     assert verdict.peak["load_factor"].worst == 0.9
 
@@ -160,7 +161,7 @@ def test_a_flight_passes_by_the_tolerances_and_limits_of_its_mission(
 ) -> None:
     """One flight for each reason, one that just passes, one of which nothing is known."""
     n = 8
-    status, peak = statuses(n, [1, 7]), np.full((n, 3), 0.9)
+    status, peak = statuses(n, [1, 7]), np.full((n, 5), 0.9)
     peak[5, 1], peak[7] = 1.002, np.nan
     miss, altitude, speed = np.full(n, 1e3), np.zeros(n), np.zeros(n)
     miss[2], altitude[3], speed[4] = 2001.0, -101.0, 5.5
@@ -188,6 +189,8 @@ def test_a_flight_passes_by_the_tolerances_and_limits_of_its_mission(
         "dynamic_pressure": [7],
         "heat_flux": [5, 7],
         "load_factor": [7],
+        "bank_angle": [7],
+        "bank_rate": [7],
     }
     verdict = judge(flights)
     assert verdict.passed == Fraction.of(flights.passed)

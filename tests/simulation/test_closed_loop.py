@@ -13,9 +13,9 @@ from ampi.guidance import Guidance
 from ampi.missions.family import MissionFamily
 from ampi.missions.mission import EntrySection, Mission, parse_mission
 from ampi.missions.parameters import ENTRY_STATES
+from ampi.missions.path_limits import PathLimits
 from ampi.onboard.reference import Mode
 from ampi.physics.equations_of_motion import equations_of_motion
-from ampi.physics.path_constraints import path_constraints
 from ampi.simulation.closed_loop import LONGEST, FlightBatch, FlightStatus, fly_batch
 from ampi.simulation.dispersions import Dispersions, Distribution
 
@@ -116,8 +116,9 @@ def test_peaks_are_read_at_every_cycle_however_thin_the_record(
     mission: Mission, guidance: Guidance, entries: Array, batch: FlightBatch
 ) -> None:
     states = batch.states.transpose(1, 0, 2)
-    loads = path_constraints(mission.flight_model, states, batch.times)
-    expected = np.stack([np.nanmax(load, axis=1) for load in loads], axis=1)
+    limits = PathLimits.of(mission)
+    used = limits.use(mission.flight_model, states, batch.bank_rate, batch.times)
+    expected = np.stack([np.nanmax(use, axis=1) for use in used], axis=1)
     assert batch.peak == pytest.approx(expected, rel=1e-12)
     thin = fly(mission, guidance, entries, 100.0)
     assert np.array_equal(thin.peak, batch.peak)

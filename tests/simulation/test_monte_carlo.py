@@ -198,7 +198,7 @@ def test_a_file_keeps_campaigns_of_one_mission(
         ({"status": np.full(5, 0.5)}, "flights.status: expected .* kind 'i', got"),
         ({"status": np.full(5, 9)}, "flights.status: expected members of FlightStatus"),
         ({"miss": np.full(5, np.nan)}, "flights.miss: expected finite numbers of every flight"),
-        ({"peak": np.ones((5, 2))}, r"flights.peak: expected an array of shape \(5, 3\)"),
+        ({"peak": np.ones((5, 2))}, r"flights.peak: expected an array of shape \(5, 5\)"),
         ({"times": np.zeros(4)}, "expected times, and radii above 0, that increase strictly"),
         ({"altitude_tolerance": np.nan}, "expected positive tolerances"),
     ],

@@ -13,8 +13,9 @@ from scipy.interpolate import BarycentricInterpolator
 from ampi.dataset import TrajectoryDataset
 from ampi.missions.family import MissionFamily
 from ampi.missions.mission import Mission
+from ampi.missions.path_limits import PathLimits
 from ampi.physics.equations_of_motion import equations_of_motion
-from ampi.physics.path_constraints import path_constraints
+from ampi.physics.path_constraints import PATH_CONSTRAINTS, path_constraints
 from ampi.propagation import reintegrate, reintegrate_many
 from ampi.trajectory import Trajectory
 
@@ -114,19 +115,21 @@ def test_peaks_are_read_between_the_nodes(mission: Mission, dataset: TrajectoryD
     expected, _ = trajectory.at(times)
     assert states[6] == pytest.approx(expected[6], abs=1e-10)
     limits = mission.limits
-    scale = (limits.dynamic_pressure, limits.heat_flux, limits.load_factor)
-    for i, values in enumerate(path_constraints(mission.flight_model, states, times)):
-        assert check.peak[0, i] == pytest.approx(float(values.max()) / scale[i], rel=1e-12)
-    nodal = np.array(
-        [
-            float(v.max()) / s
-            for v, s in zip(
-                path_constraints(mission.flight_model, trajectory.states, trajectory.times),
-                scale,
-                strict=True,
-            )
-        ]
-    )
+    assert PathLimits.of(mission).names == (*PATH_CONSTRAINTS, "bank_angle", "bank_rate")
+    apart = np.diff(times) > 0.1  # segments share their ends
+    bank_rate = np.diff(states[6])[apart] / np.diff(times)[apart]
+
+    def used(states: Array, bank_rate: Array, times: Array) -> Array:
+        loads = path_constraints(mission.flight_model, states, times)
+        over = (limits.dynamic_pressure, limits.heat_flux, limits.load_factor)
+        used = [load.max() / most for load, most in zip(loads, over, strict=True)]
+        bank = np.abs(states[6]).max() / limits.bank_angle
+        return np.array([*used, bank, np.abs(bank_rate).max() / limits.bank_rate])
+
+    expected = used(states, bank_rate, times)
+    assert check.peak[0, :4] == pytest.approx(expected[:4], rel=1e-12)
+    assert check.peak[0, 4] == pytest.approx(expected[4], abs=0.02)
+    nodal = used(trajectory.states, trajectory.bank_rate, trajectory.times)
     assert np.all(check.peak[0] >= nodal - 1e-3)
 
 

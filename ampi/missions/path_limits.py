@@ -1,0 +1,93 @@
+"""Every limit of a mission, and how much of it a flight uses. The one meaning of "kept".
+
+    q / q_max,  Q̇ / Q̇_max,  n / n_max               Sagliano et al. 2016, Eq. (4)
+    2 − D / D_min  where V ≤ V_floor, else 0           drag floor, Liu 2015, Eq. (73)
+    2 − hav d / hav ρ                                  each no-fly zone, physics/path_constraints.py
+    |σ| / σ_max,  |σ̇| / σ̇_max
+
+in this order, for one mission or for the missions of a family. A limit is kept where its use is at
+most 1 + `KEPT`, at the nodes as between them, for the optimiser, a database, an audit and a
+closed-loop flight.
+
+A mission may ask for a margin m of a limit: then its optimum is to use at most 1 − m of it, so that the
+flight between the nodes, or a dispersed one, still keeps the limit itself. Verdicts judge by the limit.
+
+The least bank angle of Liu 2015 is no limit in this sense: a flight passes through it at each reversal.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ampi.physics.equations_of_motion import FlightModel
+from ampi.physics.path_constraints import PATH_CONSTRAINTS, no_fly_zone, path_constraints
+from ampi.physics.vehicle import air_loads
+
+if TYPE_CHECKING:
+    from ampi.missions.mission import Mission
+
+KEPT = 1e-3  # of a limit: the excess that still counts as kept
+CONTROL_LIMITS = ("bank_angle", "bank_rate")
+
+
+@dataclass(frozen=True)
+class PathLimits:
+    """Limits of a mission, or of a family: then a number that differs is an array over its cases."""
+
+    loads: tuple[Any, Any, Any] = (1.0, 1.0, 1.0)  # Pa, W/m², g
+    drag_floor: tuple[Any, Any] | None = None  # m/s², where the speed (m/s) is at most the second
+    no_fly_zones: tuple[tuple[Any, Any, Any], ...] = ()  # θ_c, φ_c, radius / R₀ (rad)
+    bank_angle: Any = 1.0  # rad
+    bank_rate: Any = 1.0  # rad/s
+
+    @classmethod
+    def of(cls, mission: Mission) -> PathLimits:
+        """Those of one mission."""
+        limits, planet = mission.limits, mission.flight_model.planet
+        floor = None
+        if limits.drag_floor is not None and limits.drag_floor_speed is not None:
+            floor = (limits.drag_floor * planet.load_factor_gravity, limits.drag_floor_speed)
+        return cls(
+            loads=(limits.dynamic_pressure, limits.heat_flux, limits.load_factor),
+            drag_floor=floor,
+            no_fly_zones=tuple(
+                (zone.longitude, zone.latitude, zone.radius / planet.equatorial_radius)
+                for zone in mission.no_fly_zone
+            ),
+            bank_angle=limits.bank_angle,
+            bank_rate=limits.bank_rate,
+        )
+
+    @property
+    def on_the_path(self) -> tuple[str, ...]:
+        """Names of the limits on what the flight meets, in order: all but those of the control."""
+        floor = () if self.drag_floor is None else ("drag_floor",)
+        zones = tuple(f"no_fly_zone {k}" for k in range(1, len(self.no_fly_zones) + 1))
+        return (*PATH_CONSTRAINTS, *floor, *zones)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of all limits, in order."""
+        return (*self.on_the_path, *CONTROL_LIMITS)
+
+    def path(self, model: FlightModel, state: Any, time: Any) -> list[Any]:
+        """Use of each limit `on_the_path` at `state` (h, θ, φ, V, γ, ψ, σ; SI, rad) and `time` (s).
+
+        States may be arrays or symbols; of a family, their shape is that of its model's numbers.
+        """
+        values = path_constraints(model, state, time)
+        use = [value / limit for value, limit in zip(values, self.loads, strict=True)]
+        if self.drag_floor is not None:
+            least, speed = self.drag_floor
+            drag = air_loads(model.vehicle, model.atmosphere, state[0], state[3], time).drag
+            use.append((state[3] <= speed) * (2.0 - drag / least))
+        use += [no_fly_zone(state[1], state[2], zone) for zone in self.no_fly_zones]
+        return use
+
+    def use(self, model: FlightModel, state: Any, bank_rate: Any, time: Any) -> list[Any]:
+        """Use of every limit, in the order of `names`; `bank_rate` in rad/s."""
+        control = [np.abs(state[6]) / self.bank_angle, np.abs(bank_rate) / self.bank_rate]
+        return [*self.path(model, state, time), *control]
