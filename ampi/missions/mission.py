@@ -14,7 +14,7 @@ from typing import Annotated, Any, Literal, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from pydantic import Field, ValidationError, field_validator, model_validator
+from pydantic import Field, TypeAdapter, ValidationError, field_validator, model_validator
 
 from ampi.missions import units as u
 from ampi.missions.family import MissionFamily
@@ -33,7 +33,12 @@ from ampi.physics.aerodynamics import (
     TabulatedAerodynamics,
 )
 from ampi.physics.angles import TURN, on_turn_of
-from ampi.physics.atmosphere import Atmosphere, ExponentialAtmosphere, StandardAtmosphere1976
+from ampi.physics.atmosphere import (
+    SPECIFIC_HEAT_RATIO,
+    Atmosphere,
+    ExponentialAtmosphere,
+    StandardAtmosphere1976,
+)
 from ampi.physics.equations_of_motion import FlightModel
 from ampi.physics.path_constraints import PATH_CONSTRAINTS, no_fly_zone, path_constraints
 from ampi.physics.planet import WGS84, Planet, great_circle_distance
@@ -49,13 +54,18 @@ class MissionError(ValueError):
 
 
 class PlanetSection(Section):
-    """`wgs84`, or a sphere given by radius and surface gravity."""
+    """`wgs84`, or a sphere given by radius and surface gravity.
+
+    Load factors (`load_factor_g`, `drag_floor_g`) are counted in g₀ = `load_factor_gravity`: 9.782 m/s²
+    of wgs84, of a sphere its own surface gravity, unless the mission gives another (9.80665 for limits
+    in the Earth's g on Mars).
+    """
 
     model: Literal["wgs84", "sphere"]
     radius: u.Length | None = None
     surface_gravity: Number | None = Field(default=None, gt=0)  # m/s²
     rotation_rate: Number | None = None  # rad/s; a sphere without one stands still
-    load_factor_gravity: Number | None = Field(default=None, gt=0)  # m/s²
+    load_factor_gravity: Number | None = Field(default=None, gt=0)  # m/s², g₀ of the load factor
 
     @model_validator(mode="after")
     def _sphere_is_complete(self) -> PlanetSection:
@@ -80,12 +90,17 @@ class PlanetSection(Section):
 
 
 class AtmosphereSection(Section):
-    """`us76`, or `exponential` with surface density (kg/m³) and scale height; a factor on either."""
+    """`us76`, or `exponential` with surface density (kg/m³) and scale height; a factor on either.
+
+    An exponential atmosphere is isothermal: its speed of sound, √(κ g H), follows from its scale height
+    H, the planet's surface gravity g and its `specific_heat_ratio` κ (1.4 of air, 1.29 of CO₂).
+    """
 
     model: Literal["us76", "exponential"]
     density_factor: Number = Field(default=1.0, gt=0)  # on the model's density, nominal 1
     surface_density: Number | None = Field(default=None, gt=0)
     scale_height: u.Length | None = None
+    specific_heat_ratio: Number | None = Field(default=None, gt=1)
 
     @model_validator(mode="after")
     def _exponential_is_complete(self) -> AtmosphereSection:
@@ -98,13 +113,15 @@ class AtmosphereSection(Section):
             raise ValueError(f"us76 is complete in itself; remove {', '.join(sorted(given))}")
         return self
 
-    def build(self) -> Atmosphere:
-        """The physics object."""
+    def build(self, surface_gravity: float) -> Atmosphere:
+        """The physics object over a planet of `surface_gravity` (m/s²)."""
         if self.surface_density is None or self.scale_height is None:
             return StandardAtmosphere1976(density_factor=self.density_factor)
         return ExponentialAtmosphere(
             surface_density=self.surface_density,
             scale_height=self.scale_height,
+            surface_gravity=surface_gravity,
+            specific_heat_ratio=self.specific_heat_ratio or SPECIFIC_HEAT_RATIO,
             density_factor=self.density_factor,
         )
 
@@ -262,6 +279,8 @@ Margin = Annotated[float, Field(strict=True, ge=0, lt=1)]
 
 class LimitsSection(Section):
     """Bank angle, rate and acceleration (±), the three path constraints of Eq. (4), a drag floor.
+
+    Load factor and drag floor are counted in the planet's g₀ (`PlanetSection`).
 
     The drag floor (Liu 2015, Eq. 73) holds where the speed is below `drag_floor_speed`. A margin is the
     share of a limit that an optimum leaves unused (path_limits); verdicts judge by the limit itself.
@@ -433,75 +452,89 @@ class Mission(Section):
 
     @model_validator(mode="after")
     def _parts_fit(self) -> Mission:
-        self._agrees()
-        for parameter in self.parameters:
-            if np.any(np.diff(parameter.axis) <= 0):
-                raise ValueError(
-                    f"grid.{parameter.key}: expected offsets that differ beside the nominal value, "
-                    f"{parameter.number.nominal:.9g} (SI); got {list(parameter.offsets)}, of which some "
-                    "are lost in its rounding"
-                )
-        for parameter, offset in ((p, o) for p in self.parameters for o in p.offsets if o != 0.0):
-            number = parameter.number
-            value = number.nominal + offset * number.per_unit
-            try:
-                there = self._moved([(number.path, value)])
-                getattr(there, number.path[0]).check()
-                there._agrees()
-            except ValueError as error:
-                raise ValueError(f"grid.{parameter.key}: at offset {offset:g}: {error}") from None
+        faults = self.disagreements() or self._grid_faults()
+        if faults:
+            raise ValueError("\n".join(faults))
         return self
 
-    def _agrees(self) -> None:
-        """What no section can check alone."""
-        _ = self.flight_model, self.pseudospectral_mesh.segments  # their own checks
+    def disagreements(self) -> list[str]:
+        """What no section can tell alone, a sentence each, of the sections that are there."""
+        found: list[str] = []
+        for sections, check in (
+            ("planet", self._planet_stands),
+            ("vehicle", self._vehicle_stands),
+            ("mesh", self._mesh_stands),
+            ("entry target", self._flight_slows_down),
+            ("planet atmosphere vehicle limits entry", self._entry_keeps_limits),
+            ("planet atmosphere vehicle limits target", self._target_keeps_limits),
+            ("planet limits entry target no_fly_zone", self._zones_are_clear),
+            ("limits guess", self._guess_keeps_its_limit),
+        ):
+            if not all(hasattr(self, name) for name in sections.split()):
+                continue
+            try:
+                found += check()
+            except ValueError as error:
+                found.append(str(error))
+        return list(dict.fromkeys(found))
+
+    def _planet_stands(self) -> Iterator[str]:
+        self.planet.build()
+        yield from ()
+
+    def _vehicle_stands(self) -> Iterator[str]:
+        self.vehicle.build()
+        yield from ()
+
+    def _mesh_stands(self) -> Iterator[str]:
+        _ = self.pseudospectral_mesh.segments
+        yield from ()
+
+    def _flight_slows_down(self) -> Iterator[str]:
         if self.target.speed >= self.entry.speed:
-            raise ValueError(
+            yield (
                 f"target.speed ({self.target.speed:g} m/s) must be below entry.speed "
                 f"({self.entry.speed:g} m/s)"
             )
-        self._limits_hold_at("entry", [*self.entry_state, 0.0], 0.0)
-        at_target = [self.target.altitude, 0.0, 0.0, self.target.speed, 0.0, 0.0, 0.0]
-        self._limits_hold_at("target", at_target, LATE)
-        self._drag_floor_holds_at_the_target()
-        self._zones_are_clear()
-        bank_angle = 0.0 if self.guess is None else on_turn_of(self.guess.bank_angle, 0.0)
-        if abs(bank_angle) > self.limits.bank_angle:
-            raise ValueError(
-                f"guess.bank_angle: expected at most limits.bank_angle "
-                f"({self.limits.bank_angle / u.DEGREE:.4g}°) in size, "
-                f"got {bank_angle / u.DEGREE:.4g}°"
+
+    def _entry_keeps_limits(self) -> Iterator[str]:
+        yield from self._limits_exceeded_at("entry", [*self.entry_state, 0.0], 0.0)
+
+    def _target_keeps_limits(self) -> Iterator[str]:
+        limits, target, model = self.limits, self.target, self.flight_model
+        at_target = [target.altitude, 0.0, 0.0, target.speed, 0.0, 0.0, 0.0]
+        yield from self._limits_exceeded_at("target", at_target, LATE)
+        floor, below = limits.drag_floor, limits.drag_floor_speed
+        if floor is None or below is None or target.speed > below:
+            return
+        air = air_loads(model.vehicle, model.atmosphere, target.altitude, target.speed, LATE)
+        drag, unit = (
+            float(air.drag) / model.planet.load_factor_gravity,
+            model.planet.load_factor_unit,
+        )
+        margin = limits.drag_floor_margin
+        if not drag >= floor * (1.0 + margin):
+            less = f" and a margin of {100.0 * margin:g} %" if margin else ""
+            yield (
+                f"limits.drag_floor: expected at most {drag:.4g} {unit}, the drag at the target; got "
+                f"{floor:.4g}{less}; lower the floor or change the target"
             )
 
-    def _limits_hold_at(self, place: str, state: list[float], time: float) -> None:
-        values = path_constraints(self.flight_model, state, time)
-        for name, unit, value in zip(PATH_CONSTRAINTS, ("Pa", "W/m²", "g"), values, strict=True):
-            if value > self.limits.designed(name):
-                margin = getattr(self.limits, f"{name}_margin")
+    def _limits_exceeded_at(self, place: str, state: list[float], time: float) -> Iterator[str]:
+        model = self.flight_model
+        printed = (("kPa", 1e-3), ("MW/m²", 1e-6), (model.planet.load_factor_unit, 1.0))
+        values = path_constraints(model, state, time)
+        for name, (unit, per_si), value in zip(PATH_CONSTRAINTS, printed, values, strict=True):
+            if not value <= self.limits.designed(name):  # NaN too
+                margin, limit = getattr(self.limits, f"{name}_margin"), getattr(self.limits, name)
                 less = f" less its margin of {100.0 * margin:g} %" if margin else ""
-                raise ValueError(
-                    f"limits.{name}: expected at least {float(value):.4g} {unit}, its value at the "
-                    f"{place}; got {getattr(self.limits, name):.4g} {unit}{less}; raise the limit or "
-                    f"change the {place}"
+                yield (
+                    f"limits.{name}: expected at least {float(value) * per_si:.4g} {unit}, its value at "
+                    f"the {place}; got {limit * per_si:.4g}{less}; raise the limit or change the {place}"
                 )
 
-    def _drag_floor_holds_at_the_target(self) -> None:
-        floor, below = self.limits.drag_floor, self.limits.drag_floor_speed
-        if floor is None or below is None or self.target.speed > below:
-            return
-        model, target = self.flight_model, self.target
-        air = air_loads(model.vehicle, model.atmosphere, target.altitude, target.speed, LATE)
-        drag = float(air.drag) / model.planet.load_factor_gravity
-        margin = self.limits.drag_floor_margin
-        if drag < floor * (1.0 + margin):
-            less = f" and a margin of {100.0 * margin:g} %" if margin else ""
-            raise ValueError(
-                f"limits.drag_floor: expected at most {drag:.4g} g, the drag at the target; got "
-                f"{floor:.4g} g{less}; lower the floor or change the target"
-            )
-
-    def _zones_are_clear(self) -> None:
-        sphere = self.flight_model.planet.equatorial_radius
+    def _zones_are_clear(self) -> Iterator[str]:
+        sphere = self.planet.build().equatorial_radius
         ends: list[tuple[str, EntrySection | TargetSection]] = [("entry", self.entry)]
         if self.target.position == "fixed":
             ends.append(("target", self.target))
@@ -510,18 +543,50 @@ class Mission(Section):
                 centre = (zone.longitude, zone.latitude)
                 away = great_circle_distance(end.longitude, end.latitude, *centre, sphere)
                 here = no_fly_zone(end.longitude, end.latitude, (*centre, zone.radius / sphere))
-                if here > self.limits.share("no_fly_zone"):
-                    raise ValueError(
+                if away < zone.radius or here > self.limits.share("no_fly_zone"):
+                    yield (
                         f"no_fly_zone {number}: expected the {place} outside the zone, got it "
                         f"{away / 1e3:.0f} km from the centre of a zone of "
                         f"{zone.radius / 1e3:.0f} km{' and its margin' if here <= 1.0 else ''}; "
                         f"move the zone or the {place}"
                     )
 
+    def _guess_keeps_its_limit(self) -> Iterator[str]:
+        bank_angle = 0.0 if self.guess is None else on_turn_of(self.guess.bank_angle, 0.0)
+        if abs(bank_angle) > self.limits.bank_angle:
+            yield (
+                f"guess.bank_angle: expected at most limits.bank_angle "
+                f"({self.limits.bank_angle / u.DEGREE:.4g}°) in size, "
+                f"got {bank_angle / u.DEGREE:.4g}°"
+            )
+
+    def _grid_faults(self) -> list[str]:
+        """A sentence for every axis with a point where the mission could not be."""
+        found = []
+        for parameter in self.parameters:
+            number, sentence = parameter.number, None
+            if np.any(np.diff(parameter.axis) <= 0):
+                sentence = (
+                    f"expected offsets that differ beside the nominal value, "
+                    f"{number.nominal / number.per_unit:.9g}; got {list(parameter.offsets)}, of which "
+                    "some are lost in its rounding"
+                )
+            for offset in (o for o in parameter.offsets if o != 0.0 and sentence is None):
+                there = self._moved([(number.path, number.nominal + offset * number.per_unit)])
+                faults = number.faults(there) or there.disagreements()
+                if faults:
+                    sentence = f"at offset {offset:g}: {faults[0]}"
+            if sentence is not None:
+                found.append(f"grid.{parameter.key}: {sentence}")
+        return found
+
     @cached_property
     def flight_model(self) -> FlightModel:
         """Planet, atmosphere and vehicle for the equations of motion."""
-        return FlightModel(self.planet.build(), self.atmosphere.build(), self.vehicle.build())
+        planet = self.planet.build()
+        return FlightModel(
+            planet, self.atmosphere.build(planet.surface_gravity), self.vehicle.build()
+        )
 
     @cached_property
     def pseudospectral_mesh(self) -> Mesh:
@@ -626,7 +691,9 @@ def _read(name_or_path: str | Path) -> _Source:
         if not path.is_file():
             raise MissionError(f"mission: no file at {path}")
         try:
-            return _Source(str(path), path.read_text(encoding="utf-8"))
+            return _Source(
+                str(path), path.read_text(encoding="utf-8-sig")
+            )  # with a mark or without
         except UnicodeDecodeError:
             raise MissionError(f"{path}: not a text file in UTF-8") from None
     if not shipped:
@@ -647,15 +714,26 @@ def parse_mission(text: str, label: str = "mission") -> Mission:
     try:
         return Mission.model_validate({**data, "toml": text})
     except ValidationError as error:
-        lines = []
-        for fault in error.errors():
-            where = ".".join(str(part) for part in fault["loc"])
-            message = fault["msg"].removeprefix("Value error, ")
-            got = fault["input"]
-            unit = " in SI units" if fault["type"].startswith(("greater", "less")) else ""
-            shown = "" if isinstance(got, dict) else f" (got {got!r}{unit})"
-            lines.append(f"  {where + ': ' if where else ''}{message}{shown}")
-        raise MissionError(f"{label}: {len(lines)} faulty field(s)\n" + "\n".join(lines)) from None
+        lines = [line for fault in error.errors() for line in u.sentences(fault, data)]
+        lines += _faults_of_the_rest(data, {str(f["loc"][0]) for f in error.errors() if f["loc"]})
+        told = "\n".join(f"  {line}" for line in lines)
+        raise MissionError(f"{label}: {len(lines)} faulty field(s)\n{told}") from None
+
+
+def _faults_of_the_rest(data: dict[str, Any], faulty: set[str]) -> list[str]:
+    """What does not fit together among the sections that no fault of their own keeps out."""
+    if not faulty:
+        return []
+    fields = {name: info for name, info in Mission.model_fields.items() if name not in faulty}
+    sections = {
+        name: TypeAdapter(info.annotation).validate_python(data[name])
+        for name, info in fields.items()
+        if name in data and info.annotation is not None
+    }
+    rest = Mission.model_construct(**sections)
+    for name in faulty:
+        rest.__dict__.pop(name, None)  # a default is not what was asked for
+    return rest.disagreements()
 
 
 def load_mission(name_or_path: str | Path) -> Mission:

@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from pydantic import BaseModel
 
-from ampi.missions.units import UNITS, Dimension, dimension_of, si_symbol
+from ampi.missions.units import UNITS, Dimension, dimension_of, si_key, symbol
 from ampi.physics.angles import on_turn_of
 
 Array = NDArray[np.float64]
@@ -51,6 +51,14 @@ class MissionNumber:
     per_unit: float  # SI per unit of the key
     nominal: float  # SI
     is_circular: bool = False  # an angle that is the same modulo a turn
+
+    def faults(self, mission: Any) -> list[str]:
+        """Why no mission file could give this number the value that it has in `mission`."""
+        section, path = getattr(mission, self.path[0]), self.path[1:]
+        if isinstance(section, tuple):
+            section, path = section[int(path[0])], path[1:]
+        found: list[str] = section.faults(path, self.key[len(self.name) + 1 :] or None)
+        return found
 
 
 @dataclass(frozen=True)
@@ -114,13 +122,13 @@ def _under_each_unit(
 ) -> Iterator[MissionNumber]:
     short = SHORT.get(path, ".".join(path))
     if dimension is None:
-        symbol = "1" if short.endswith("_factor") else "as in the mission file"
-        yield MissionNumber(short, short, path, symbol, 1.0, value)
+        unit = "1" if short.endswith("_factor") else "as in the mission file"
+        yield MissionNumber(short, short, path, unit, 1.0, value)
     else:
         for unit, factor in UNITS[dimension.name].items():
-            symbol = si_symbol(dimension.name)
+            si = symbol(si_key(dimension.name))
             yield MissionNumber(
-                f"{short}_{unit}", short, path, symbol, factor, value, dimension.is_circular
+                f"{short}_{unit}", short, path, si, factor, value, dimension.is_circular
             )
 
 

@@ -12,6 +12,7 @@ from typing import Annotated, Any, get_args
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 from pydantic.fields import FieldInfo
+from pydantic_core import ErrorDetails
 
 DEGREE = float(np.pi / 180.0)
 
@@ -84,9 +85,9 @@ def si_key(dimension: str) -> str:
     return next(unit for unit, factor in UNITS[dimension].items() if factor == 1.0)
 
 
-def si_symbol(dimension: str) -> str:
-    """The SI unit of a dimension as it is printed: m/s, W/m2."""
-    return si_key(dimension).replace("_per_", "/").replace("per_", "1/")
+def symbol(unit: str) -> str:
+    """A unit of a key as it is printed: m/s, W/m2."""
+    return unit.replace("_per_", "/").replace("per_", "1/")
 
 
 def dimension_of(info: FieldInfo) -> Dimension | None:
@@ -105,7 +106,7 @@ class Section(BaseModel):
     def _to_si(cls, data: Any) -> Any:
         if not isinstance(data, dict):
             return data
-        data = dict(data)
+        data, faults = dict(data), list[str]()
         for name, info in cls.model_fields.items():
             dimension = dimension_of(info)
             if dimension is None:
@@ -115,15 +116,18 @@ class Section(BaseModel):
             keys = [f"{name}_{unit}" for unit in units]
             given = [key for key in keys if key in data]
             if name in data:
-                raise ValueError(
+                faults.append(
                     f"{name}: expected {wanted} with its unit in the key "
                     f"({' or '.join(keys)}), got {name} = {data[name]!r}"
                 )
-            if len(given) > 1:
-                raise ValueError(f"{name}: given more than once, as {' and '.join(given)}")
-            if given:
+            elif len(given) > 1:
+                faults.append(f"{name}: given more than once, as {' and '.join(given)}")
+            elif given:
                 unit = given[0][len(name) + 1 :]
-                data[name] = _convert(given[0], data.pop(given[0]), units[unit])
+                try:
+                    data[name] = _convert(given[0], data.pop(given[0]), units[unit])
+                except ValueError as error:
+                    faults.append(str(error))
             elif info.is_required():
                 others = {o for o in cls.model_fields if o != name and o.startswith(name)}
                 near = [
@@ -132,7 +136,9 @@ class Section(BaseModel):
                     if key.startswith(f"{name}_") and not any(key.startswith(o) for o in others)
                 ]
                 came = near[0] if near else "nothing"
-                raise ValueError(f"{name}: expected {wanted} ({' or '.join(keys)}), got {came}")
+                faults.append(f"{name}: expected {wanted} ({' or '.join(keys)}), got {came}")
+        if faults:
+            raise ValueError("\n".join(faults))
         return data
 
     def as_written(self) -> dict[str, Any]:
@@ -149,15 +155,68 @@ class Section(BaseModel):
             written[f"{name}_{si_key(dimension.name)}" if dimension else name] = value
         return written
 
-    def check(self) -> None:
-        """Raise ValueError if no mission file could have made this section."""
+    def faults(self, path: tuple[str, ...] = (), unit: str | None = None) -> list[str]:
+        """Why no mission file could have made this section: a sentence each, none if one could.
+
+        The number at `path` is told in `unit` of its key, the others in SI.
+        """
+        data = self.as_written()
+        if unit is not None:
+            _tell_in(data, path, unit)
         try:
-            type(self).model_validate(self.as_written())
+            type(self).model_validate(data)
         except ValidationError as error:
-            fault = error.errors()[0]
-            where = ".".join(str(part) for part in fault["loc"])
-            got = (
-                "" if isinstance(fault["input"], dict) else f" (got {fault['input']!r} in SI units)"
-            )
-            message = fault["msg"].removeprefix("Value error, ")
-            raise ValueError(f"{where + ': ' if where else ''}{message}{got}") from None
+            return [line for fault in error.errors() for line in sentences(fault, data)]
+        return []
+
+
+_FACTORS = {unit: factor for units in UNITS.values() for unit, factor in units.items()}
+_BOUNDS = {  # of pydantic: kind of fault → its key and words
+    "greater_than": ("gt", "greater than"),
+    "greater_than_equal": ("ge", "greater than or equal to"),
+    "less_than": ("lt", "less than"),
+    "less_than_equal": ("le", "less than or equal to"),
+}
+
+
+def sentences(fault: ErrorDetails, data: Any) -> list[str]:
+    """Place, what was expected and what came of a fault of `data`, in the unit of the key there."""
+    where = ".".join(str(part) for part in fault["loc"])
+    unit, came = _given(fault, data)
+    if fault["type"] in _BOUNDS:
+        key, words = _BOUNDS[fault["type"]]
+        name = f" {symbol(unit)}" if unit else ""
+        bound = fault["ctx"][key] / _FACTORS.get(unit, 1.0)
+        most = f"{bound:.10g}{name}" if bound else "0"
+        return [f"{where}: Input should be {words} {most} (got {came:.10g}{name})"]
+    shown = "" if isinstance(fault["input"], dict) else f" (got {came!r})"
+    message = fault["msg"].removeprefix("Value error, ")
+    return [f"{where + ': ' if where else ''}{line}{shown}" for line in message.split("\n")]
+
+
+def _given(fault: ErrorDetails, data: Any) -> tuple[str, Any]:
+    """Unit, if any, and value of the faulty field as they stand in `data`."""
+    unit = ""
+    for part in fault["loc"]:
+        if isinstance(data, dict) and part not in data:
+            keys = [key for key in data if key.removeprefix(f"{part}_") in _FACTORS]
+            if not keys:  # the name of a model, or nothing is there
+                continue
+            unit = keys[0].removeprefix(f"{part}_")
+            part = keys[0]
+        data = data[part]
+    return unit, fault["input"] if isinstance(data, dict) else data
+
+
+def _tell_in(data: dict[str, Any], path: tuple[str, ...], unit: str) -> None:
+    """Give the number at `path` of what was written in SI under a key in `unit`."""
+    *above, name = (part for part in path if not part.isdigit())  # all of a range
+    for part in above:
+        data = data[part]
+    for key in [key for key in data if key.removeprefix(f"{name}_") in _FACTORS]:
+        value = data.pop(key)
+        data[f"{name}_{unit}"] = (
+            [v / _FACTORS[unit] for v in value]
+            if isinstance(value, list)
+            else value / _FACTORS[unit]
+        )

@@ -24,7 +24,7 @@ import numpy as np
 from numpy.polynomial import chebyshev, polynomial
 from numpy.typing import NDArray
 
-SPECIFIC_HEAT_RATIO = 1.4
+SPECIFIC_HEAT_RATIO = 1.4  # of air
 AIR_GAS_CONSTANT = 287.053  # J/(kg K)
 CHEBYSHEV_DEGREE = 24  # 0.3 % rms of density, 1.4 % at the tropopause; see tests/physics
 
@@ -43,11 +43,12 @@ class Atmosphere(Protocol):
 
 @dataclass(frozen=True, kw_only=True)
 class ExponentialAtmosphere:
-    """ρ = ρ₀ exp(−h/H), isothermal: c² = κ R T with R T = g₀ H."""
+    """ρ = ρ₀ exp(−h/H), isothermal: c² = κ R T with R T = g H of the planet's gravity g."""
 
     surface_density: float  # kg/m³
     scale_height: float  # m
-    surface_gravity: float = 9.80665  # m/s², sets the temperature
+    surface_gravity: float  # m/s²
+    specific_heat_ratio: float = SPECIFIC_HEAT_RATIO  # κ
     density_factor: float = 1.0
 
     def density(self, altitude: Any) -> Any:
@@ -57,7 +58,7 @@ class ExponentialAtmosphere:
 
     def speed_of_sound(self, altitude: Any) -> Any:
         """Speed of sound (m/s): the same at every altitude."""
-        speed = np.sqrt(SPECIFIC_HEAT_RATIO * self.surface_gravity * self.scale_height)
+        speed = np.sqrt(self.specific_heat_ratio * self.surface_gravity * self.scale_height)
         return speed + 0.0 * altitude
 
 

@@ -19,7 +19,7 @@ import numpy as np
 
 @dataclass(frozen=True, kw_only=True)
 class Planet:
-    """Constants of a planet (SI). `load_factor_gravity` is the g₀ of the load factor, Eq. (4)."""
+    """Constants of a planet (SI). `load_factor_gravity` is the g₀ in which load factors are counted."""
 
     equatorial_radius: float  # m
     gravitational_parameter: float  # m³/s²
@@ -33,6 +33,16 @@ class Planet:
                 "planet: equatorial_radius and gravitational_parameter must be positive, got "
                 f"{self.equatorial_radius} m and {self.gravitational_parameter} m³/s²"
             )
+
+    @property
+    def surface_gravity(self) -> float:
+        """μ/R_e² (m/s²)."""
+        return self.gravitational_parameter / self.equatorial_radius**2
+
+    @property
+    def load_factor_unit(self) -> str:
+        """The g of this planet's load factors as it is printed."""
+        return f"g of {self.load_factor_gravity:.4g} m/s²"
 
 
 WGS84 = Planet(

@@ -64,7 +64,8 @@ def database_exhibits(mission: Mission, table: GuidanceTable) -> tuple[Exhibit, 
         Exhibit(
             "database-constraints",
             "Database: path constraints",
-            "Dynamic pressure, heat flux and load factor with their limits. After Fig. 7.",
+            f"Dynamic pressure, heat flux and load factor with their limits; {_unit_of_loads(mission)}. "
+            "After Fig. 7.",
             f"Three panels over time: dynamic pressure, heat flux and load factor of {cases} "
             "optimal trajectories against their dashed limits.",
             lambda: database.database_constraints(mission, table),
@@ -122,12 +123,17 @@ def campaign_exhibits(mission: Mission, campaigns: Mapping[str, Flights]) -> tup
         Exhibit(
             "campaign-constraints",
             "Flights: path constraints",
-            "Dynamic pressure, heat flux and load factor as flown, with limits. After Fig. 19.",
+            f"Dynamic pressure, heat flux and load factor as flown, with limits; "
+            f"{_unit_of_loads(mission)}. After Fig. 19.",
             f"Three panels over time: dynamic pressure, heat flux and load factor of every flight "
             f"of {pair} against their dashed limits.",
             lambda: over_time.campaign_constraints(mission, campaigns),
         ),
     )
+
+
+def _unit_of_loads(mission: Mission) -> str:
+    return f"g₀ = {mission.flight_model.planet.load_factor_gravity:.4g} m/s²"
 
 
 def _end_exhibits(mission: Mission, campaigns: Mapping[str, Flights]) -> tuple[Exhibit, ...]:

@@ -52,7 +52,7 @@ CONTROL_QUANTITIES = (ANGLE_OF_ATTACK, BANK_ANGLE, BANK_RATE)
 PATH_QUANTITIES = (
     Quantity("Dynamic pressure", "kPa", KILO),
     Quantity("Heat flux", "MW/m²", MEGA),
-    Quantity("Load factor", "g", 1.0),
+    Quantity("Load factor", "g₀", 1.0),
 )
 EAST = Quantity("East of target", "km", KILO)
 NORTH = Quantity("North of target", "km", KILO)

@@ -231,7 +231,7 @@ REFUSED = {
     ),
     "a value that the field refuses": (
         "density_factor = [-1.0, 0.0]",
-        "grid.density_factor: at offset -1: density_factor: Input should be greater than 0 (got 0.0 in",
+        "grid.density_factor: at offset -1: density_factor: Input should be greater than 0 (got 0)",
     ),
     "a value that the vehicle refuses": (
         "vehicle.angle_of_attack.start = [0.0, 40.0]",
@@ -244,6 +244,18 @@ REFUSED = {
     "a target faster than the entry": (
         "target.speed_km_per_s = [0.0, 5.0]",
         "grid.target.speed_km_per_s: at offset 5: target.speed (5595 m/s) must be below",
+    ),
+    "a latitude beyond the pole, in its own unit": (
+        "latitude_deg = [0.0, 20.0]",
+        "grid.latitude_deg: at offset 20: latitude: Input should be less than 90 deg (got 91.89 deg)",
+    ),
+    "an altitude too high, in its own unit": (
+        "entry.altitude_km = [0.0, 40.0]",
+        "at offset 40: altitude: Input should be less than or equal to 130 km (got 140.1 km)",
+    ),
+    "offsets that are lost in the nominal value": (
+        "altitude_km = [0.0, 1e-16]",
+        "grid.altitude_km: expected offsets that differ beside the nominal value, 100.1; got",
     ),
     "eleven dimensions": (
         MANY.removeprefix("[grid]\n") + "target.speed_m_per_s = [0.0, 1.0]",

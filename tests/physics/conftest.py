@@ -81,7 +81,9 @@ def _rlv() -> FlightModel:
         heat_flux_constant=1.65e-4,
         heat_flux_speed_exponent=3.15,
     )
-    atmosphere = ExponentialAtmosphere(surface_density=1.225, scale_height=7110.0)
+    atmosphere = ExponentialAtmosphere(
+        surface_density=1.225, scale_height=7110.0, surface_gravity=9.80665
+    )
     return FlightModel(planet, atmosphere, vehicle)
 
 

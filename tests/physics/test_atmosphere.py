@@ -130,9 +130,20 @@ def test_scalars_and_arrays_agree(us76: StandardAtmosphere1976) -> None:
 @laws
 @given(altitude=st.floats(-1e3, 150e3), rise=st.floats(-2e4, 2e4))
 def test_exponential_atmosphere(altitude: float, rise: float) -> None:
-    air = ExponentialAtmosphere(surface_density=1.225, scale_height=7110.0)
+    air = ExponentialAtmosphere(surface_density=1.225, scale_height=7110.0, surface_gravity=9.80665)
     ratio = air.density(altitude + rise) / air.density(altitude)
     assert ratio == pytest.approx(np.exp(-rise / 7110.0), rel=1e-12)
     assert air.density(0.0) == 1.225
     # isothermal: c² = κ g₀ H
     assert air.speed_of_sound(altitude) ** 2 == pytest.approx(1.4 * 9.80665 * 7110.0, rel=1e-14)
+
+
+def test_an_isothermal_atmosphere_of_another_planet() -> None:
+    # Mars: 210 K of CO₂, R = 188.9 J/(kg K): H = R T / g, c = √(κ R T) = 226 m/s
+    air = ExponentialAtmosphere(
+        surface_density=0.02,
+        scale_height=188.9 * 210.0 / 3.71,
+        surface_gravity=3.71,
+        specific_heat_ratio=1.29,
+    )
+    assert air.speed_of_sound(5e3) == pytest.approx(np.sqrt(1.29 * 188.9 * 210.0), rel=1e-12)

@@ -20,7 +20,7 @@ from ampi.physics.vehicle import air_loads
 
 Array = NDArray[np.float64]
 laws = settings(deadline=None, max_examples=150)
-VACUUM = ExponentialAtmosphere(surface_density=1e-200, scale_height=7e3)
+VACUUM = ExponentialAtmosphere(surface_density=1e-200, scale_height=7e3, surface_gravity=9.8)
 
 states = st.tuples(
     st.floats(5e3, 115e3),

@@ -131,7 +131,7 @@ def test_mach_number_is_left_out_where_it_is_not_needed() -> None:
         aerodynamics=surrogate,
         angle_of_attack=OVER_TIME,
     )
-    air = ExponentialAtmosphere(surface_density=1.2, scale_height=7e3)
+    air = ExponentialAtmosphere(surface_density=1.2, scale_height=7e3, surface_gravity=9.8)
     loads = air_loads(vehicle, air, 0.0, 100.0, 73.0)
     lift, _ = surrogate.coefficients(np.radians(29.75), None)
     assert loads.lift == pytest.approx(0.5 * 1.2 * 100.0**2 * 2.0 / 500.0 * lift)
