@@ -46,6 +46,7 @@ Force = Annotated[bool, typer.Option("--force", help="Replace a file that is alr
 MissionArgument = Annotated[str, typer.Argument(help="Name of a shipped mission, or a .toml file.")]
 DatabaseArgument = Annotated[Path, typer.Argument(help="Trajectory database (.h5).")]
 CORES = os.cpu_count() or 1
+MOST_CASES = 12  # numbers of cases in a printed line; --json has them all
 
 
 @contextmanager
@@ -406,10 +407,7 @@ def audit(
         _print_json({**report.as_dict(), "repairs": [asdict(one) for one in repairs]})
         return
     for one in repairs:
-        out.print(
-            f"case {one.outlier.case}: {one.message} Roughness {one.outlier.roughness:.2g} → "
-            f"{one.roughness:.2g}"
-        )
+        out.print(_escaped(one))
     statuses = ", ".join(f"{n} {name.lower()}" for name, n in report.statuses.items())
     out.print(f"{_escaped(path)}: {report.cases} cases: {statuses}")
     truth = Table("against re-integration (DOP853)", "median", "90 %", "worst")
@@ -433,18 +431,24 @@ def audit(
         )
     if report.unsolved_probes:
         out.print(f"{report.unsolved_probes} of {report.probes} probes could not be solved")
-    _print_coherence(report)
+    _print_coherence(report, path)
+    _print_branches(report, path)
     _print_error_map(report)
 
 
-def _print_coherence(report: Any) -> None:
+def _print_coherence(report: Any, path: Path) -> None:
     from database.coherence import ROWS, THRESHOLD
 
     smooth = report.coherence
-    row = int(np.argmax(smooth.worst))
+    if not smooth.triples:
+        out.print("coherence: unknown, no axis has three points in a row with a solution")
+        return
+    row = int(np.nanargmax(smooth.worst))
+    hidden = int(np.isnan(smooth.roughness).sum()) - report.cases + report.statuses.get("SOLVED", 0)
     out.print(
         f"coherence: {smooth.triples} second differences, the roughest {smooth.worst[row]:.1f} times "
         f"the family's scale ({ROWS[row].replace('_', ' ')}); a case stands out above {THRESHOLD:g}"
+        + (f"; unknown for {hidden} cases that are in none" if hidden else "")
     )
     for outlier in smooth.outliers:
         limit = "" if outlier.limit is None else outlier.limit.replace("_", " ")
@@ -453,8 +457,39 @@ def _print_coherence(report: Any) -> None:
     if smooth.outliers:
         out.print(
             "  on another branch, or where a limit begins to act; re-solve them from their neighbours "
-            "with: ampi audit --repair"
+            f"with: ampi audit {_escaped(shlex.quote(str(path)))} --repair"
         )
+
+
+def _print_branches(report: Any, path: Path) -> None:
+    found = report.branches
+    if found.worst_pair is None:
+        out.print("branches: unknown, no two cases beside each other have a solution")
+        return
+    one, other = found.worst_pair
+    out.print(
+        f"branches: halfway between neighbours the interpolated bank angle flies up to "
+        f"{found.worst_flown / 1e3:.1f} km from the interpolated flight (cases {one} and {other}; "
+        f"{found.flown} of {found.pairs} pairs flown, the least alike)"
+    )
+    for branch in found.astray:
+        cases = ", ".join(map(str, branch.cases[:MOST_CASES]))
+        more = f" and {len(branch.cases) - MOST_CASES} more" * (len(branch.cases) > MOST_CASES)
+        out.print(
+            f"  another branch: {'case' if len(branch.cases) == 1 else 'cases'} {cases}{more}; bank at "
+            f"entry {_degrees(branch.bank_at_entry)}, of the rest {_degrees(found.main_bank_at_entry)}; "
+            f"cost {branch.cost_ratio:.2f} times that of the cases beside"
+        )
+    if found.astray:
+        out.print(
+            "  nothing interpolates between two branches, and no new point pays there; bring all cases "
+            f"onto one with: ampi audit {_escaped(shlex.quote(str(path)))} --repair"
+        )
+
+
+def _degrees(span: tuple[float, float]) -> str:
+    low, high = np.degrees(span)
+    return f"{low:.1f} … {high:.1f} deg" if high - low > 0.05 else f"{low:.1f} deg"
 
 
 def _outlier_name(outlier: Any) -> str:
@@ -503,7 +538,8 @@ def _draw_audit(report: Any, folder: Path) -> None:
         CellBar(cell.parameter, f"{cell.low:g} … {cell.high:g}", cell.errors, cell is best)
         for cell in report.error_map
     ]
-    named = {o.case: f"case {o.case}" for o in report.coherence.outliers}
+    outliers = {o.case for o in report.coherence.outliers}
+    named = {case: f"case {case}" for case in sorted(outliers | set(report.branches.cases))}
     smooth = coherence_figure(report.coherence.roughness.ravel(), THRESHOLD, named)
     folder.mkdir(parents=True, exist_ok=True)
     for name, figure in zip(AUDIT_FIGURES, (smooth, error_map_figure(bars)), strict=True):
@@ -533,7 +569,7 @@ def refine(
     if as_json:
         numbers = {k: str(v) if isinstance(v, Path) else v for k, v in vars(built).items()}
         cell = {**asdict(report.cell), "gain_per_case": report.cell.gain_per_case}
-        _print_json({**asdict(report), "cell": cell, "build": numbers})
+        _print_json({**asdict(report), "cell": cell, "build": {**numbers, "doubts": built.doubts}})
     else:
         out.print(
             f"{_escaped(target)}: {report.cell.key} with one more point at {report.offset:g}, "
@@ -544,6 +580,8 @@ def refine(
         )
         for failure in built.failures:
             error_out.print(f"not solved: {_escaped(failure)}")
+        for doubt in built.doubts:
+            error_out.print(f"warning: {_escaped(doubt)}")
     if built.solved < built.cases:
         raise typer.Exit(1)
 
@@ -726,6 +764,8 @@ def report(
     from ampi.loading import guidance_table
     from ampi.missions.mission import mission_digest
     from ampi.simulation.monte_carlo import load_campaigns
+    from database.branches import branch_doubt, stations, suspects
+    from database.grid import Grid
 
     with _told():
         check_output(output, force=force, made_by="ampi report", others=[path, campaigns])
@@ -740,6 +780,10 @@ def report(
                     f"{campaigns}: flown from a database of another mission ({flights.mission}) than "
                     f"{path} ({dataset.mission.name}); fly this database again"
                 )
+        grid = Grid.from_mission(dataset.mission)
+        bank = np.where(dataset.solved[..., None], stations(dataset.states), np.nan)
+        doubtful = suspects(grid, bank)
+        notices = [branch_doubt(doubtful, path)] if doubtful else []
         attributes = dataset.attributes
         extra = {"Database file": path.name}
         for label, key in (
@@ -751,7 +795,9 @@ def report(
         ):
             extra[label] = str(attributes[key])
         with progress("drawing", 1) as advance:
-            written = write_report(output, dataset.mission, guidance_table(dataset), loaded, extra)
+            written = write_report(
+                output, dataset.mission, guidance_table(dataset), loaded, extra, notices
+            )
             advance(1)
     out.print(f"{_escaped(written)}: {written.stat().st_size / 1e6:.1f} MB")
 

@@ -7,7 +7,8 @@
 3. Interpolation. At random points of the hypercube the reference of each guidance mode is compared
    with the optimal control problem solved there: greatest error over the nodes of the flight, and the
    miss distance when the interpolated bank angle is flown open loop to the interpolated final time.
-4. Coherence. Second differences over the grid name the cases of another branch (database.coherence).
+4. Coherence. Second differences over the grid name the cases that stand out (database.coherence); bank
+   angle, cost, flights halfway and continuation name those of another branch (database.branches).
 5. Error map. Which cell of which axis interpolates worst, and where one more point would pay most
    (database.error_map).
 """
@@ -33,7 +34,8 @@ from ampi.physics.planet import great_circle_distance
 from ampi.propagation import reintegrate_many
 from ampi.scp.solve import solve
 from ampi.trajectory import Status, Trajectory
-from database.coherence import ROWS, THRESHOLD, Coherence, coherence
+from database.branches import Branches, branches
+from database.coherence import ROWS, THRESHOLD, Coherence, coherence, on_turn_of_rows
 from database.error_map import CellError, error_map
 from database.grid import Grid
 
@@ -93,6 +95,7 @@ class AuditReport:
     hidden_probes: int  # whose cell has a case without a solution: AMPI has no reference there
     interpolation: dict[str, dict[str, Quantity]]  # mode → column → error
     coherence: Coherence
+    branches: Branches
     error_map: tuple[CellError, ...]
     per_case: PerCase
 
@@ -158,6 +161,10 @@ def audit(
             for mode in MODES
         },
         coherence=coherence(dataset),
+        branches=branches(
+            dataset.mission,
+            {c: dataset.trajectory(c) for c in np.flatnonzero(dataset.solved.ravel()).tolist()},
+        ),
         error_map=error_map(dataset, n_jobs=n_jobs, seed=seed),
         per_case=flown,
     )
@@ -291,7 +298,7 @@ def _errors(mission: Mission, truth: Trajectory, states: Array, final_time: floa
         target.latitude,
         mission.flight_model.planet.equatorial_radius,
     )
-    difference = np.abs(states - truth.states).max(axis=1)
+    difference = np.abs(on_turn_of_rows(states, truth.states) - truth.states).max(axis=1)
     return np.array(
         [
             difference[0],

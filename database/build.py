@@ -25,6 +25,7 @@ from typing import Any
 from uuid import uuid4
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ampi.dataset import TrajectoryDataset, partial_folder, stored_mission
 from ampi.missions.mission import Mission
@@ -33,6 +34,7 @@ from ampi.scp.problem import OptimalControlProblem
 from ampi.scp.solve import solve
 from ampi.trajectory import Status, Trajectory
 from database.blocks import Block, blocks
+from database.branches import STATIONS, branch_doubt, stations, suspects
 from database.campaign import TIME_LIMIT, BuildError, Campaign, JobError, Solver, lost
 from database.claim import claim, fingerprint_of
 from database.engines import ClusterEngine, Engine, LocalEngine
@@ -75,10 +77,15 @@ class BuildReport:
     solve_seconds: float  # wall time up to the merge: solves and re-integrations
     worst_position_error: float  # m
     worst_limit: float  # greatest path constraint over its limit, between the nodes
+    suspects: tuple[int, ...]  # cases that may lie on another branch (database.branches)
 
     @property
     def doubts(self) -> tuple[str, ...]:
-        """Where re-integration contradicts what the optimiser calls solved: a mesh too coarse."""
+        """What speaks against flying the file as it is.
+
+        Where re-integration contradicts what the optimiser calls solved, a mesh too coarse; and where
+        neighbours seem to lie on different branches.
+        """
         found = []
         if self.worst_position_error > DOUBTFUL_POSITION:
             found.append(
@@ -90,7 +97,10 @@ class BuildReport:
                 f"a flight uses {100 * self.worst_limit:.4g} % of a limit, expected at most "
                 f"{100 * DOUBTFUL_LIMIT:g} %"
             )
-        return tuple(f"{text}; refine the mesh (ampi solve --refine shows how)" for text in found)
+        found = [f"{text}; refine the mesh (ampi solve --refine shows how)" for text in found]
+        if self.suspects:
+            found.append(branch_doubt(self.suspects, self.path))
+        return tuple(found)
 
 
 @dataclass(frozen=True, eq=False)
@@ -239,7 +249,7 @@ class _Build:
         run_jobs(tasks, kept, self.engine, finished)
         Thread(target=self.engine.close).start()  # they end while the file is written
         solve_seconds = time.perf_counter() - self.began
-        tally = _Tally()
+        tally = _Tally(np.full((grid.size, STATIONS), np.nan, np.float32))
         final_time = self.require_nominal(nominal).trajectory.final_time
         write_database(self.path, campaign, self.attributes, final_time, tally.count(self))
         discard_records(campaign.folder)
@@ -258,6 +268,7 @@ class _Build:
             solve_seconds=solve_seconds,
             worst_position_error=tally.worst_position_error,
             worst_limit=tally.worst_limit,
+            suspects=tuple(suspects(grid, tally.bank)),
         )
 
     def record(self, case: int) -> CaseRecord | None:
@@ -295,13 +306,14 @@ class _Build:
         return record
 
 
-TALLIED = ("status", "iterations", "position_error", "peak")
+TALLIED = ("status", "iterations", "position_error", "peak", "states")
 
 
 @dataclass(eq=False)
 class _Tally:
     """What the report says, gathered while the blocks pass by."""
 
+    bank: NDArray[np.float32]  # (c, s), rad: of each case at the stations; NaN if unsolved
     iterations: Counter[int] = field(default_factory=Counter)  # how many solved cases took so many
     failures: list[str] = field(default_factory=list)
     worst_position_error: float = float("nan")
@@ -314,11 +326,14 @@ class _Tally:
             encoded = run.block(block)
             values = decoded_block(encoded, block.shape, TALLIED)
             good = values["status"].ravel() == int(Status.SOLVED)
+            cases = block.cases(grid.shape)
+            bank = stations(values["states"]).reshape(-1, STATIONS)
+            self.bank[cases] = np.where(good[:, None], bank, np.nan)
             self.iterations.update(values["iterations"].ravel()[good].tolist())
             if not good.all():
                 messages = decoded_block(encoded, block.shape, ("message",))["message"].ravel()
                 for k in np.flatnonzero(~good):
-                    case = grid.describe(block.cases(grid.shape)[k])
+                    case = grid.describe(cases[k])
                     self.failures.append(f"{case}: {messages[k].decode('utf-8', 'replace')}")
             self.worst_position_error = _worst(self.worst_position_error, values["position_error"])
             self.worst_limit = _worst(self.worst_limit, values["peak"])

@@ -25,6 +25,9 @@ Every triple above `THRESHOLD` must have somebody to blame: the roughest of its 
 equally rough ones the farthest from the hypercentre. With a single line (d = 1) all three are equally
 rough and the blame is a guess; re-solving the case (database/repair.py) tells. A path limit that acts
 in a case and in none beside it bends the family too: the case is named with that limit.
+
+All of this is relative to the family, and what no triple measures is NaN: unknown, not smooth. Whether
+neighbours are optima of one branch at all, in degrees and kilometres, database/branches.py says.
 """
 
 from __future__ import annotations
@@ -38,12 +41,14 @@ from numpy.typing import NDArray
 
 from ampi.dataset import TrajectoryDataset
 from ampi.missions.path_limits import KEPT, PathLimits
+from ampi.physics.angles import on_turn_of
 from ampi.physics.equations_of_motion import STATES
 from database.grid import Grid
 
 Array = NDArray[np.float64]
 
 ROWS = (*STATES, "final_time")
+ANGULAR = np.isin(ROWS, ("longitude", "azimuth", "bank_angle"))  # the same modulo a turn
 # The 729 optima of SHEFEX-3 reach 5 (their 2187 with density 6), a case of its other branch 16 to 40.
 THRESHOLD = 10.0
 RESOLUTION = 1e-5
@@ -68,7 +73,7 @@ class Coherence:
     scale: Array  # (8,), Eq. (2): SI, rad
     bend: tuple[Array, ...]  # of each axis, (8,): median + 1.4826 MAD of |f[a, b, c]|, Eq. (2a)
     worst: Array  # (8,), greatest |δ| / s of each row
-    roughness: Array  # (p…), Eq. (3); 0 where no axis has three points
+    roughness: Array  # (p…), Eq. (3); NaN where no triple of solved cases holds the case
     outliers: tuple[Outlier, ...]
 
 
@@ -90,12 +95,12 @@ def coherence(dataset: TrajectoryDataset) -> Coherence:
         if len(axis) > 2
     }
     if not misses:
-        nothing = np.zeros(len(ROWS))
-        bend = (nothing,) * len(dataset.axes)
-        return Coherence(0, nothing, bend, nothing, np.zeros(dataset.shape), ())
+        unknown = np.full(len(ROWS), np.nan)
+        bend = (unknown,) * len(dataset.axes)
+        return Coherence(0, unknown, bend, unknown, np.full(dataset.shape, np.nan), ())
     scale = family_scale(list(misses.values()), rows)
     bends = {i: _typical(miss / _product(dataset.axes[i], miss)) for i, miss in misses.items()}
-    bend = tuple(bends.get(i, np.zeros(len(ROWS))) for i in range(len(dataset.axes)))
+    bend = tuple(bends.get(i, np.full(len(ROWS), np.nan)) for i in range(len(dataset.axes)))
     ratios = {
         i: miss / triple_scale(dataset.axes[i], scale, bend[i], miss) for i, miss in misses.items()
     }
@@ -105,25 +110,32 @@ def coherence(dataset: TrajectoryDataset) -> Coherence:
         for k in range(3):  # a triple's three cases
             part = along[k : k + len(worst)]
             np.minimum(part, worst, out=part)
-    roughness = _known(roughness, 0.0)
+    roughness = _known(roughness, np.nan)
     blamed = _blamed(grid, roughness, ratios)
     return Coherence(
-        triples=sum(int(np.prod(r.shape[:-1])) for r in ratios.values()),
+        triples=sum(int(np.isfinite(r).all(axis=-1).sum()) for r in ratios.values()),
         scale=scale,
         bend=bend,
-        worst=np.max(
-            [_known(r, 0.0).reshape(-1, len(ROWS)).max(axis=0) for r in ratios.values()], 0
-        ),
+        worst=np.fmax.reduce(np.concatenate([r.reshape(-1, len(ROWS)) for r in ratios.values()])),
         roughness=roughness,
         outliers=tuple(_outlier(dataset, grid, case, roughness) for case in blamed),
     )
+
+
+def on_turn_of_rows(rows: Array, reference: Array) -> Array:
+    """Rows (…, r, n), the first r of `ROWS`, with their angles on the turn nearest to `reference`'s."""
+    turned = np.array(rows)
+    angular = np.flatnonzero(ANGULAR[: rows.shape[-2]])
+    turned[..., angular, :] = on_turn_of(rows[..., angular, :], reference[..., angular, :])
+    return turned
 
 
 def chord_misses(axis: Array, rows: Array) -> Array:
     """|δ| of Eq. (1), greatest over the nodes: rows (k, …, r, n) along `axis` (k,) → (k − 2, …, r)."""
     share = (axis[1:-1] - axis[:-2]) / (axis[2:] - axis[:-2])
     w = share.reshape(-1, *[1] * (rows.ndim - 1))
-    miss: Array = np.abs(rows[1:-1] - (1.0 - w) * rows[:-2] - w * rows[2:]).max(axis=-1)
+    before, after = (on_turn_of_rows(end, rows[1:-1]) for end in (rows[:-2], rows[2:]))
+    miss: Array = np.abs(rows[1:-1] - (1.0 - w) * before - w * after).max(axis=-1)
     return miss
 
 
@@ -131,14 +143,14 @@ def family_scale(misses: list[Array], rows: Array) -> Array:
     """s of Eq. (2), (r,), from the misses and from the rows (p…, r, n) themselves."""
     flat = np.moveaxis(rows, -2, 0).reshape(rows.shape[-2], -1)
     low, high = np.nanmin(flat, axis=1), np.nanmax(flat, axis=1)
-    scale: Array = np.max([_typical(miss) for miss in misses], axis=0)
-    scale = np.maximum(scale, RESOLUTION * (high - low))
+    scale: Array = np.fmax.reduce([_typical(miss) for miss in misses])
+    scale = np.fmax(scale, RESOLUTION * (high - low))
     return np.where(scale > 0.0, scale, np.inf)
 
 
 def triple_scale(axis: Array, scale: Array, bend: Array, miss: Array) -> Array:
     """s of Eq. (2a) for the triples of an axis, of the shape of their misses or one that broadcasts."""
-    wide: Array = np.maximum(scale, _product(axis, miss) * bend)
+    wide: Array = np.fmax(scale, _product(axis, miss) * bend)
     return wide
 
 
@@ -149,19 +161,20 @@ def _product(axis: Array, miss: Array) -> Array:
 
 
 def _typical(values: Array) -> Array:
-    """Median + 1.4826 MAD over all but the last axis, (r,)."""
+    """Median + 1.4826 MAD over all but the last axis, (r,); NaN if failed cases hide all."""
     flat = values.reshape(-1, values.shape[-1])
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", RuntimeWarning)  # a line of failed cases has no median
         median = np.nanmedian(flat, axis=0)
         spread = np.nanmedian(np.abs(flat - median), axis=0)
-    return _known(median + 1.4826 * spread, 0.0)
+    typical: Array = median + 1.4826 * spread
+    return typical
 
 
 def case_roughness(
     axes: tuple[Array, ...], rows: Array, index: tuple[int, ...], family: Coherence
 ) -> float:
-    """Eq. (3) of one case, from the lines through it, on the scale of its family."""
+    """Eq. (3) of one case, from the lines through it, on the scale of its family; NaN if unknown."""
     found = [np.inf]
     for i, axis in enumerate(axes):
         low, high = max(0, index[i] - 2), min(len(axis), index[i] + 3)
@@ -173,7 +186,7 @@ def case_roughness(
         scale = triple_scale(axis[low:high], family.scale, family.bend[i], miss)
         found += (miss / scale).max(axis=-1).tolist()
     known = [value for value in found if np.isfinite(value)]
-    return min(known, default=0.0)
+    return min(known, default=np.nan)
 
 
 def _blamed(grid: Grid, roughness: Array, ratios: dict[int, Array]) -> list[int]:

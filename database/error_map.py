@@ -29,8 +29,9 @@ from numpy.typing import NDArray
 from ampi.dataset import TrajectoryDataset
 from ampi.missions.mission import Mission
 from ampi.scp.solve import solve
-from ampi.trajectory import Status, Trajectory
-from database.coherence import chord_misses, family_rows
+from ampi.trajectory import Trajectory
+from database.branches import halfway
+from database.coherence import chord_misses, family_rows, on_turn_of_rows
 from database.grid import Grid
 
 Array = NDArray[np.float64]
@@ -165,17 +166,10 @@ def _probed(dataset: TrajectoryDataset, i: int, n_jobs: int, seed: int) -> Array
 def _middle_error(
     mission: Mission, point: Array, one: Trajectory, other: Trajectory
 ) -> Array | None:
-    middle = Trajectory(
-        one.mesh,
-        0.5 * (one.states + other.states),
-        0.5 * (one.bank_rate + other.bank_rate),
-        0.5 * (one.final_time + other.final_time),
-        np.nan,
-        Status.SOLVED,
-    )
+    middle = halfway(one, other)
     truth = solve(mission.with_parameters(point), guess=middle)
     if not truth.status.ok:
         return np.full(len(COLUMNS), np.nan)
-    difference = np.abs(middle.states - truth.states).max(axis=1)
+    difference = np.abs(on_turn_of_rows(middle.states, truth.states) - truth.states).max(axis=1)
     final_time = abs(middle.final_time - truth.final_time)
     return np.append(difference, final_time)[list(ROW_OF)] * TO_PRINTED

@@ -73,6 +73,15 @@ class Grid:
                     found.append(int(np.ravel_multi_index(there, self.shape)))
         return found
 
+    def pairs(self) -> NDArray[np.int64]:
+        """Cases one step apart, (k, 2), the first of a pair before the second on their axis."""
+        number = np.arange(self.size).reshape(self.shape)
+        found = []
+        for axis in range(len(self.shape)):
+            along = np.moveaxis(number, axis, 0)
+            found.append(np.stack([along[:-1].ravel(), along[1:].ravel()], axis=1))
+        return np.concatenate(found)
+
     def describe(self, case: int) -> str:
         """Grid indices of a case, for logs."""
         index = [int(i) for i in np.unravel_index(case, self.shape)]

@@ -1,22 +1,29 @@
-"""A case that stands out of its family is solved again from each of its neighbours.
+"""Cases that stand out of their family are solved again from their neighbours.
 
-Of what the neighbours lead to and what stands there, the case's smoothest optimum is kept: the one of
-least roughness (database/coherence.py, Eq. (3)). All else of the file stays, to the bit.
+First what is rough (database/coherence.py): of what the neighbours lead to and what stands there, the
+case's smoothest optimum is kept, the one of least roughness, Eq. (3). Then what lies on another branch
+(database/branches.py): each branch is followed outwards, neighbour by neighbour, as far as it exists,
+and all cases are taken from one that exists for all of them. That is the branch of the nominal case if
+it does: the mission's guess has chosen it. Else it is the one of the least total cost; and if no branch
+exists for all cases, the one that exists for most. All else of the file stays, to the bit.
 """
 
 from __future__ import annotations
 
+from collections import deque
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ampi.dataset import partial_folder, read_dataset
+from ampi.dataset import TrajectoryDataset, partial_folder, read_dataset
 from ampi.scp.solve import solve
 from ampi.trajectory import Trajectory
+from database.branches import Branches, branches, continued, same_optimum
 from database.build import KnownCase, build
-from database.campaign import BuildError, Solver, as_built
+from database.campaign import BuildError, Campaign, Solver, as_built
 from database.coherence import Outlier, case_roughness, coherence, family_rows
 from database.grid import Grid
 
@@ -34,9 +41,35 @@ class Repair:
     replaced: bool
     message: str
 
+    def __str__(self) -> str:
+        return (
+            f"case {self.outlier.case}: {self.message} Roughness {self.outlier.roughness:.2g} → "
+            f"{self.roughness:.2g}"
+        )
 
-def repair(path: str | Path, *, solver: Solver = solve, n_jobs: int = 2) -> tuple[Repair, ...]:
-    """Re-solve the outliers of a database and replace the file if any became smoother.
+
+@dataclass(frozen=True)
+class Move:
+    """What became of one case that was astray, or stood in the way of a branch that exists for all."""
+
+    case: int
+    bank_at_entry: tuple[float, float]  # rad, before and after
+    cost: tuple[float, float]  # before and after
+    replaced: bool
+    message: str
+
+    def __str__(self) -> str:
+        bank, cost = np.degrees(self.bank_at_entry), self.cost
+        return (
+            f"case {self.case}: {self.message} Bank at entry {bank[0]:.1f} → {bank[1]:.1f} deg, "
+            f"cost {cost[0]:.3g} → {cost[1]:.3g}"
+        )
+
+
+def repair(
+    path: str | Path, *, solver: Solver = solve, n_jobs: int = 2
+) -> tuple[Repair | Move, ...]:
+    """Re-solve what stands out of a database, and replace the file if anything changed.
 
     `solver` is the optimiser that built it. Until the new file is whole the old one stays; what is
     killed halfway begins anew.
@@ -54,16 +87,28 @@ def repair(path: str | Path, *, solver: Solver = solve, n_jobs: int = 2) -> tupl
     path = Path(path).resolve()
     dataset = read_dataset(path)
     settings = as_built(dataset, solver)
-    found = coherence(dataset)
-    rows, grid = family_rows(dataset), Grid.from_mission(dataset.mission)
-    suspects = {outlier.case for outlier in found.outliers}
     known = {
         int(case): KnownCase.of(dataset, int(case))
         for case in np.flatnonzero(dataset.solved.ravel())
     }
-    done = []
+    campaign = Campaign(dataset.mission.toml, path, solver)
+    done: list[Repair | Move] = [*_smoothed(dataset, solver, known), *_gathered(campaign, known)]
+    if any(one.replaced for one in done):
+        mended = path.with_name(f".{path.name}.repaired")
+        build(dataset.mission, mended, n_jobs=n_jobs, resume=False, known=known, **settings)
+        mended.replace(path)
+    return tuple(done)
+
+
+def _smoothed(
+    dataset: TrajectoryDataset, solver: Solver, known: dict[int, KnownCase]
+) -> Iterator[Repair]:
+    """Replace in `known` each outlier for which a neighbour leads to a smoother optimum."""
+    found = coherence(dataset)
+    rows, grid = family_rows(dataset), Grid.from_mission(dataset.mission)
+    suspects = {outlier.case for outlier in found.outliers}
     for outlier in found.outliers:
-        best, roughness, message = None, outlier.roughness, "no neighbour leads to a smoother one"
+        best, roughness, message = None, outlier.roughness, "no neighbour leads to a smoother one."
         for neighbour in grid.beside(outlier.case):
             if neighbour in suspects or neighbour not in known:
                 continue
@@ -80,12 +125,67 @@ def repair(path: str | Path, *, solver: Solver = solve, n_jobs: int = 2) -> tupl
         rows[outlier.index] = _rows(best or known[outlier.case].trajectory)
         if best is not None:
             known[outlier.case] = KnownCase(best, message)
-        done.append(Repair(outlier, roughness, best is not None, message))
-    if any(one.replaced for one in done):
-        mended = path.with_name(f".{path.name}.repaired")
-        build(dataset.mission, mended, n_jobs=n_jobs, resume=False, known=known, **settings)
-        mended.replace(path)
-    return tuple(done)
+        yield Repair(outlier, roughness, best is not None, message)
+
+
+def _gathered(campaign: Campaign, known: dict[int, KnownCase]) -> Iterator[Move]:
+    """Bring all cases in `known` onto one branch, if that leaves fewer astray."""
+    optima = {case: kept.trajectory for case, kept in known.items()}
+    before = branches(campaign.mission, optima, campaign.solver)
+    if not before.astray:
+        return
+    reached, origin = _common_branch(campaign, optima, before)
+    after = branches(campaign.mission, {**optima, **reached}, campaign.solver)
+    improved = len(after.cases) < len(before.cases)
+    moved = [case for case in reached if improved and reached[case] is not optima[case]]
+    for case in sorted({*moved, *after.cases} if improved else before.cases):
+        now = reached[case] if case in moved else optima[case]
+        message = "no branch leads here that would leave fewer cases astray."
+        if case in moved:
+            message = f"re-solved from case {origin[case]}: {now.status.sentence}"
+            known[case] = KnownCase(now, message)
+        entry = float(optima[case].states[6, 0]), float(now.states[6, 0])
+        yield Move(case, entry, (optima[case].cost, now.cost), case in moved, message)
+
+
+def _common_branch(
+    campaign: Campaign, optima: Mapping[int, Trajectory], found: Branches
+) -> tuple[dict[int, Trajectory], dict[int, int]]:
+    """The optima of one branch, as far as it exists, and from which case each was followed."""
+    nominal = int(np.ravel_multi_index(campaign.grid.centre, campaign.grid.shape))
+    main = tuple(sorted(set(optima) - set(found.cases)))
+    seeds = sorted([main, *(b.cases for b in found.astray)], key=lambda s: nominal not in s)
+    best: tuple[dict[int, Trajectory], dict[int, int]] = ({}, {})
+    standing = (1, np.inf)
+    for seed in seeds:
+        reached, origin = _followed(campaign, optima, seed)
+        rank = (-len(reached), sum(optimum.cost for optimum in reached.values()))
+        if rank < standing:
+            best, standing = (reached, origin), rank
+        if nominal in seed and len(reached) == len(optima):
+            break
+    return best
+
+
+def _followed(
+    campaign: Campaign, optima: Mapping[int, Trajectory], seed: tuple[int, ...]
+) -> tuple[dict[int, Trajectory], dict[int, int]]:
+    """The branch of the `seed` cases, followed outwards; what stands on it already is kept."""
+    reached, origin = {case: optima[case] for case in seed}, dict[int, int]()
+    edge = deque(seed)
+    while edge:
+        case = edge.popleft()
+        for goal in campaign.grid.beside(case):
+            if goal in reached or goal not in optima:
+                continue
+            arrived = continued(campaign, case, goal, reached[case])
+            if arrived is None:
+                continue
+            stands = same_optimum(arrived, optima[goal])
+            reached[goal] = optima[goal] if stands else arrived
+            origin[goal] = case
+            edge.append(goal)
+    return reached, origin
 
 
 def _rows(trajectory: Trajectory) -> Array:

@@ -23,6 +23,7 @@ PANELS = {
     "final_time_s": "Final time (s)",
 }
 SMALLEST = 1e-5  # of the threshold: what is smoother is drawn here
+FOOT = 0.04  # of the panel's height
 MOST_NAMES = 12
 
 
@@ -38,19 +39,33 @@ class CellBar:
 
 @house_style
 def coherence_figure(roughness: Array, threshold: float, named: Mapping[int, str]) -> Figure:
-    """Roughness of every case (c,), those of another branch by name."""
+    """Roughness of every case (c,), NaN where it is unknown; those of another branch by name."""
     figure = new_figure(FIGURE_WIDTH, 4.2)
     axes = figure.subplots()
-    cases, shown = np.arange(len(roughness)), np.maximum(roughness, SMALLEST * threshold)
-    outlying = np.isin(cases, list(named))
-    axes.plot(cases[~outlying], shown[~outlying], "o", color=DATABASE_COLOUR, markersize=3.5)
-    axes.plot(cases[outlying], shown[outlying], "D", color=LIMIT_COLOUR, markersize=6)
+    cases, shown = np.arange(len(roughness)), np.fmax(roughness, SMALLEST * threshold)
+    known, outlying = np.isfinite(roughness), np.isin(cases, list(named))
+    for chosen, marker, colour, size in (
+        (known & ~outlying, "o", DATABASE_COLOUR, 3.5),
+        (known & outlying, "D", LIMIT_COLOUR, 6.0),
+    ):
+        axes.plot(cases[chosen], shown[chosen], marker, color=colour, markersize=size)
     draw_limits(axes, [threshold])
-    for case in sorted(named, key=lambda c: -roughness[c])[:MOST_NAMES]:
+    keys = [marker_key("optimum", "o", DATABASE_COLOUR), limit_key()]
+    keys.append(marker_key("stands out", "D", LIMIT_COLOUR))
+    if not known.all():  # at the foot of the panel, whatever its scale: no height would be true
+        foot = axes.get_xaxis_transform()
+        for chosen, colour in (
+            (~known & ~outlying, DATABASE_COLOUR),
+            (~known & outlying, LIMIT_COLOUR),
+        ):
+            axes.plot(cases[chosen], np.full(chosen.sum(), FOOT), "x", color=colour, transform=foot)
+        keys.append(marker_key("unknown", "x", DATABASE_COLOUR))
+    for case in sorted(named, key=lambda c: -np.nan_to_num(roughness[c]))[:MOST_NAMES]:
         right = case > 0.6 * len(roughness)
         axes.annotate(
             named[case],
-            (case, shown[case]),
+            (case, shown[case] if known[case] else FOOT),
+            xycoords="data" if known[case] else foot,
             xytext=(-8 if right else 8, 0),
             textcoords="offset points",
             ha="right" if right else "left",
@@ -58,8 +73,7 @@ def coherence_figure(roughness: Array, threshold: float, named: Mapping[int, str
             fontsize=8.5,
         )
     axes.set(yscale="log", xlabel="Case number", ylabel="Roughness (family scale = 1)")
-    keys = [marker_key("optimum", "o", DATABASE_COLOUR), limit_key()]
-    place_legend(figure, [*keys, marker_key("stands out", "D", LIMIT_COLOUR)])
+    place_legend(figure, keys)
     return figure
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from importlib import resources
 from pathlib import Path
@@ -47,6 +47,7 @@ def write_report(
     table: GuidanceTable,
     campaigns: Mapping[str, Flights],
     extra: Mapping[str, str],
+    notices: Sequence[str] = (),
 ) -> Path:
     """Write the report of a database and its campaigns.
 
@@ -60,6 +61,8 @@ def write_report(
         Name → flights; each name becomes a column.
     extra
         Provenance: versions, git revision, database file, date.
+    notices
+        What speaks against the database, a sentence each; they stand first on the page.
 
     Returns
     -------
@@ -76,6 +79,7 @@ def write_report(
         surrogate="surrogate" in mission.title.lower(),
         compared_with_paper=mission.name == PAPER_MISSION,
         provenance={**_draws(campaigns), **extra},
+        notices=notices,
         modes={name: MODE_SENTENCES[f.mode] for name, f in campaigns.items()},
         tables=verdict_tables(mission, campaigns),
         campaign_pictures=_drawn(campaign_exhibits(mission, campaigns)),

@@ -20,7 +20,17 @@ from ampi.loading import load_guidance
 from ampi.missions.mission import Mission, parse_mission
 from database.build import KnownCase
 from database.campaign import BuildError
-from database.coherence import THRESHOLD, case_roughness, chord_misses, coherence, family_rows
+from database.coherence import (
+    ACTING,
+    ANGULAR,
+    RESOLUTION,
+    THRESHOLD,
+    case_roughness,
+    chord_misses,
+    coherence,
+    family_rows,
+    family_scale,
+)
 from database.gains import GainSettings
 from database.grid import Grid
 from database.repair import repair
@@ -44,7 +54,7 @@ def test_a_parabola_misses_its_chord_by_the_divided_difference(
 
 
 def synthetic(dataset: TrajectoryDataset, seed: int = 5) -> TrajectoryDataset:
-    """A smooth family over the dataset's own grid, curved in every direction."""
+    """A smooth family over the dataset's own grid, curved in every direction, its angles by radians."""
     rng = np.random.default_rng(seed)
     grid = np.stack(np.meshgrid(*[np.linspace(-1, 1, n) for n in dataset.shape], indexing="ij"))
     shape = dataset.states.shape[-2:]
@@ -52,6 +62,7 @@ def synthetic(dataset: TrajectoryDataset, seed: int = 5) -> TrajectoryDataset:
     for one in grid:
         states += one[..., None, None] * rng.standard_normal(shape)
         states += (one**2)[..., None, None] * rng.uniform(0.5, 1.0, shape)
+    states[..., ANGULAR[:7], :] *= 0.1
     return dataclasses.replace(dataset, states=states)
 
 
@@ -60,7 +71,7 @@ def test_one_jump_is_blamed_on_the_case_that_jumped(small_database: Path, case: 
     smooth = synthetic(read_dataset(small_database))
     assert coherence(smooth).outliers == ()
     states = smooth.states.copy()
-    states.reshape(9, 7, -1)[case, 6] += 200.0
+    states.reshape(9, 7, -1)[case, 3] += 200.0
     jumped = dataclasses.replace(smooth, states=states)
     found = coherence(jumped)
     assert [o.case for o in found.outliers] == [case]
@@ -80,8 +91,9 @@ def test_an_uneven_axis_accuses_nobody_but_the_case_that_jumped(
     small = read_dataset(small_database)
     p = np.array(offsets)
     states = p[:, None, None] ** 2 * np.ones(small.states.shape[-2:])
+    states[:, ANGULAR[:7]] *= 1e-5
     if jump is not None:
-        states[jump, 6] += 1e4
+        states[jump, 3] += 1e4
     family = dataclasses.replace(
         small,
         mission=mission,
@@ -117,7 +129,73 @@ def test_a_failed_case_takes_no_part(small_database: Path) -> None:
     states[0, 0] = np.nan
     found = coherence(dataclasses.replace(smooth, states=states))
     assert found.outliers == ()
-    assert np.all(np.isfinite(found.roughness))
+    assert np.argwhere(np.isnan(found.roughness)).tolist() == [[0, 0]]
+
+
+def test_the_scale_of_a_family_is_the_median_and_1_4826_mad_of_its_misses() -> None:
+    """Eq. (2), and what convergence leaves of each row's range at least."""
+    misses = np.array([1.0, 2.0, 3.0, 5.0, 100.0])[:, None, None] * [1.0, 2.0]
+    rows = np.zeros((4, 2, 3))
+    assert family_scale([misses[:, 0], 0.5 * misses[:, 0]], rows) == pytest.approx(
+        [3.0 + 1.4826 * 2.0, 6.0 + 1.4826 * 4.0]
+    )
+    rows[0, 1] = 2e6
+    assert family_scale([misses[:, 0]], rows) == pytest.approx(
+        [3.0 + 1.4826 * 2.0, RESOLUTION * 2e6]
+    )
+
+
+@pytest.mark.parametrize(("share", "named"), [(0.99, 0), (1.01, 1)])
+def test_a_case_stands_out_above_the_threshold(
+    small_database: Path, share: float, named: int
+) -> None:
+    """Speeds that miss every chord by 1 m/s, which is s then; a corner's by a share of the threshold."""
+    smooth = synthetic(read_dataset(small_database))
+    states = smooth.states.copy()
+    states[..., 3, :] = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 1.0], [0.0, 1.0, 0.0]])[..., None]
+    states[0, 0, 3] += 2.0 * (1.0 + share * THRESHOLD)
+    found = coherence(dataclasses.replace(smooth, states=states))
+    assert found.scale[3] == pytest.approx(1.0)
+    assert found.roughness[0, 0] == pytest.approx(share * THRESHOLD)
+    assert len(found.outliers) == named
+
+
+@pytest.mark.parametrize(("use", "limit"), [(0.9996, "load_factor"), (0.9994, None)])
+def test_a_limit_acts_from_0_9995_on(small_database: Path, use: float, limit: str | None) -> None:
+    assert ACTING == 0.9995
+    smooth = synthetic(read_dataset(small_database))
+    states, peak = smooth.states.copy(), np.full_like(smooth.peak, 0.5)
+    states[0, 2, 3] += 200.0
+    peak[0, 2, -1] = use
+    (outlier,) = coherence(dataclasses.replace(smooth, states=states, peak=peak)).outliers
+    assert (outlier.index, outlier.limit) == ((0, 2), limit)
+
+
+def test_a_turn_more_is_the_same_angle(small_database: Path) -> None:
+    """Of longitude, azimuth and bank angle of one case, and nothing else."""
+    dataset = read_dataset(small_database)
+    states = dataset.states.copy()
+    states[1, 2, ANGULAR[:7]] += 2.0 * np.pi
+    assert list(np.flatnonzero(ANGULAR)) == [1, 5, 6]
+    before, after = coherence(dataset), coherence(dataclasses.replace(dataset, states=states))
+    assert after.worst == pytest.approx(before.worst, rel=1e-6)
+    assert after.outliers == ()
+
+
+def test_what_no_triple_measures_is_unknown(small_database: Path) -> None:
+    """Never 0, which is as smooth as can be: two points, or every triple of a case hidden."""
+    dataset = read_dataset(small_database)
+    states, final_time = dataset.states.copy(), dataset.final_time.copy()
+    states[1, :], final_time[1, :] = np.nan, np.nan
+    states[:, 1], final_time[:, 1] = np.nan, np.nan
+    hidden = coherence(dataclasses.replace(dataset, states=states, final_time=final_time))
+    assert hidden.triples == 0
+    assert np.isnan(hidden.roughness).all()
+    assert np.isnan(hidden.worst).all()
+    states[:, 0], final_time[:, 0] = dataset.states[:, 0], dataset.final_time[:, 0]
+    one_line = coherence(dataclasses.replace(dataset, states=states, final_time=final_time))
+    assert one_line.triples == 1
+    assert np.isfinite(one_line.roughness).tolist() == [[True, False, False]] * 3
 
 
 def test_the_family_of_the_mission_is_smooth(small_database: Path) -> None:

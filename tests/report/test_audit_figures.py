@@ -31,6 +31,20 @@ def test_every_case_is_a_point_and_outliers_are_named() -> None:
     assert image_bytes(figure).startswith(b"\x89PNG")
 
 
+def test_a_case_of_which_nothing_is_known_has_no_height() -> None:
+    """At the foot of the panel, not at the smoothest of the axis; named all the same."""
+    figure = coherence_figure(np.array([0.1, np.nan, np.nan]), 10.0, {2: "case 2"})
+    (axes,) = figure.axes
+    drawn = [line.get_xydata().tolist() for line in axes.lines if line.get_marker() in "oDx"]
+    assert drawn == [[[0.0, 0.1]], [], [[1.0, 0.04]], [[2.0, 0.04]]]
+    assert [line.get_transform() for line in axes.lines[-2:]] == [axes.get_xaxis_transform()] * 2
+    (text,) = axes.texts
+    assert (text.get_text(), text.xy) == ("case 2", (2, 0.04))
+    assert "unknown" in [t.get_text() for t in figure.legends[0].get_texts()]
+    all_unknown = coherence_figure(np.full(3, np.nan), 10.0, {})
+    assert image_bytes(all_unknown).startswith(b"\x89PNG")
+
+
 def test_only_the_roughest_are_named() -> None:
     roughness = np.arange(40, dtype=float) + 11.0
     figure = coherence_figure(roughness, 10.0, {i: f"case {i}" for i in range(40)})
