@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from ampi.guidance import Guidance
     from ampi.loading import load_guidance
     from ampi.missions.mission import Mission, load_mission
+    from ampi.onboard.health import Health
     from ampi.onboard.reference import Mode, Reference
     from ampi.scp.capabilities import MethodError
     from ampi.scp.exact_hessian import SolverSettings
@@ -35,6 +36,7 @@ _HOME = {
     "Dispersions": "ampi.simulation.dispersions",
     "Flights": "ampi.simulation.monte_carlo",
     "Guidance": "ampi.guidance",
+    "Health": "ampi.onboard.health",
     "MethodError": "ampi.scp.capabilities",
     "Mission": "ampi.missions.mission",
     "Mode": "ampi.onboard.reference",
@@ -56,6 +58,7 @@ __all__ = [
     "Dispersions",
     "Flights",
     "Guidance",
+    "Health",
     "MethodError",
     "Mission",
     "Mode",

@@ -624,10 +624,14 @@ def guide(
     force: Force = False,
     as_json: Json = False,
 ) -> None:
-    """Measured parameters → the reference that the tracker flies."""
+    """Measured parameters → the reference that the tracker flies.
+
+    Exit status 1 where they lie outside the hypercube by more than 20 % of an axis' range.
+    """
     from ampi.dataset import read_dataset
     from ampi.loading import load_guidance
     from ampi.missions.parameters import measured_values
+    from ampi.onboard.health import Health
     from ampi.onboard.reference import Mode
 
     with _told():
@@ -658,27 +662,37 @@ def guide(
             from ampi.report.single import reference_figure
 
             save_figure(plot, reference_figure(loaded, reference), "ampi guide")
-    outside = [p.name for p, c in zip(loaded.parameters, reference.clipped, strict=True) if c]
+    names = [p.name for p in loaded.parameters]
+    outside = [name for name, c in zip(names, reference.clipped, strict=True) if c]
+    excess = {name: share for name, share in zip(names, reference.excess, strict=True) if share > 0}
+    for name, share in excess.items():
+        error_out.print(
+            f"warning: {name} lies outside the hypercube by {100 * share:.3g} % of its axis' range"
+        )
+    if reference.health >= Health.HOLE_REFERENCE:
+        error_out.print(f"warning: {reference.health}: {reference.health.sentence}")
     if as_json:
         _print_json(
             {
-                "parameters": dict(
-                    zip([p.name for p in loaded.parameters], measured.tolist(), strict=True)
-                ),
+                "parameters": dict(zip(names, measured.tolist(), strict=True)),
                 "cell": reference.cell,
                 "outside": outside,
+                "excess": excess,
+                "health": str(reference.health),
                 "final_time_s": reference.final_time,
                 "bank_angle_at_entry_deg": float(np.degrees(reference.states[6, 0])),
             }
         )
-        return
-    cell = ", ".join(str(i) for i in reference.cell)
-    out.print(
-        f"cell ({cell}), final time {reference.final_time:.2f} s, bank angle at entry "
-        f"{np.degrees(reference.states[6, 0]):.2f} deg"
-    )
-    if outside:
-        out.print(f"outside the hypercube in {', '.join(outside)}: boundary trajectory")
+    else:
+        cell = ", ".join(str(i) for i in reference.cell)
+        out.print(
+            f"cell ({cell}), final time {reference.final_time:.2f} s, bank angle at entry "
+            f"{np.degrees(reference.states[6, 0]):.2f} deg"
+        )
+        if outside:
+            out.print(f"outside the hypercube in {', '.join(outside)}: boundary trajectory")
+    if reference.health >= Health.FAR_OUTSIDE:
+        raise typer.Exit(1)
 
 
 def _choice(kind: Any, text: str, option: str) -> Any:

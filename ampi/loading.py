@@ -16,6 +16,8 @@ from ampi.tracking.bank_limiter import BankLimits
 
 Holes = Literal["refuse", "fly"]
 
+DIRECTIONS = {"longitude", "azimuth"}  # of entry, target and zones: the same modulo a turn
+
 
 def guidance_table(dataset: TrajectoryDataset, holes: Holes = "refuse") -> GuidanceTable:
     """Pack states, bank rate and gains of a database into the table that flies.
@@ -57,11 +59,18 @@ def guidance_table(dataset: TrajectoryDataset, holes: Holes = "refuse") -> Guida
             int(np.argmin(np.abs(axis - x))) for axis, x in zip(dataset.axes, nominal, strict=True)
         ),
         solved=solved if len(missing) else None,
+        circular=tuple(
+            i for i, name in enumerate(dataset.names) if DIRECTIONS & set(name.split("."))
+        ),
     )
 
 
 def load_guidance(
-    path: str | Path, *, mode: Mode | str = Mode.AMPI, holes: Holes = "refuse"
+    path: str | Path,
+    *,
+    mode: Mode | str = Mode.AMPI,
+    holes: Holes = "refuse",
+    cycle: float | None = None,
 ) -> Guidance:
     """Guidance from a database file, checked: schema version, checksums, completeness.
 
@@ -74,6 +83,9 @@ def load_guidance(
     holes
         Of a database in which cases have no solution: "refuse" it, or "fly" it, with references flagged
         where they need such a case (`Reference.hole`).
+    cycle
+        Nominal guidance cycle (s). Guidance measures its own; this one is that of the first command,
+        which changes next to nothing if none is stated. Simulated flights take 0.5 s then.
 
     Raises
     ------
@@ -85,7 +97,8 @@ def load_guidance(
     return Guidance(
         guidance_table(dataset, holes),
         BankLimits(limits.bank_angle, limits.bank_rate, limits.bank_acceleration),
-        Mode(mode),
+        mode,
+        cycle=cycle,
         limit_axes={
             limit: names.index(f"limits.bank_{limit}")
             for limit in ("angle", "rate", "acceleration")

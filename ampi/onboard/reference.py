@@ -12,7 +12,9 @@ from enum import Enum
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ampi.onboard.health import Health
 from ampi.onboard.interpolation import TensorProductInterpolator
+from ampi.onboard.plausibility import SANE, TURN, numbers, on_turn_of
 from ampi.onboard.subspace import select_subspace
 from ampi.onboard.table import GAIN_ROWS, N_ROWS, RATE_ROW, STATE_ROWS, GuidanceTable
 
@@ -27,8 +29,16 @@ class Mode(Enum):
     AMPI = "ampi"  # multilinear over the selected 2^d cell
     QUADRATIC = "quadratic"  # order 3 in Eq. (16): three points per axis, same table
 
+    @classmethod
+    def _missing_(cls, value: object) -> Mode:
+        names = ", ".join(mode.value for mode in cls)
+        raise ValueError(f"mode: expected one of {names}, got {value!r}")
+
 
 _ORDER = {Mode.NOMINAL: 1, Mode.MPI: 2, Mode.AMPI: 2, Mode.QUADRATIC: 3}
+FAR = 0.2  # of an axis' range: further outside, the boundary trajectory is not near
+# of the greatest number on an axis: its edge in another unit differs in the last digits, and is inside
+ROUNDING = 16.0 * float(np.finfo(float).eps)
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,8 +52,10 @@ class Reference:
     final_time: float  # s
     cell: tuple[int, ...]  # first grid index on each axis
     clipped: tuple[bool, ...]  # axes on which p lies outside the hypercube
+    excess: tuple[float, ...]  # how far p lies beyond each axis, as share of its range; 0 inside
     hole: bool  # part of it is borrowed from the neighbour of a case without solution
     parameters: tuple[float, ...]  # the measured p, as it was given
+    health: Health  # GOOD, or why this reference is not what was asked
 
     @property
     def inside(self) -> bool:
@@ -60,8 +72,10 @@ class Reference:
             self.final_time,
             self.cell,
             self.clipped,
+            self.excess,
             self.hole,
             self.parameters,
+            self.health,
         )
 
 
@@ -69,11 +83,20 @@ class ReferenceGenerator:
     """Makes references from a table in one mode. All memory is allocated here, at start-up."""
 
     def __init__(self, table: GuidanceTable, mode: Mode) -> None:
+        # what p is measured against is the whole table's; plain floats are faster than numpy's
+        self._nominal = [float(axis[i]) for axis, i in zip(table.axes, table.centre, strict=True)]
+        self._edges = [(float(axis[0]), float(axis[-1])) for axis in table.axes]
+        self._circular = [i in table.circular for i in range(len(table.axes))]
+        self._rounding = [
+            ROUNDING * max(abs(low), abs(high), TURN if circular else 0.0)
+            for (low, high), circular in zip(self._edges, self._circular, strict=True)
+        ]
         if mode is Mode.MPI:
             table = table.corners()
         elif mode is Mode.NOMINAL:
             table = table.nominal()
         self.table, self.mode = table, mode
+        self._axes = [axis.tolist() for axis in table.axes]
         grid = tuple(len(axis) for axis in table.axes)
         n, m = table.conversion.shape
         # The final time rides along as one more column: one interpolation serves both.
@@ -94,23 +117,16 @@ class ReferenceGenerator:
     def reference(self, parameters: ArrayLike) -> Reference:
         """Reference for the measured parameters p (d,) of the table (SI, rad), in its order.
 
-        Raises
-        ------
-        ValueError
-            If p is not a vector of d numbers: a vehicle wired to another table, found on the ground.
+        Never an exception: a parameter that is no finite number, or each if p is no vector of d of them,
+        counts as nominal, and `health` says so.
         """
-        table = self.table
-        measured = np.asarray(parameters, dtype=float)
-        if measured.shape != (len(table.axes),):
-            raise ValueError(
-                f"parameters: expected {len(table.axes)} numbers, one per axis of the table, "
-                f"got an array of shape {measured.shape}"
-            )
-        first, clipped = [0] * len(table.axes), [False] * len(table.axes)
-        for i, axis in enumerate(table.axes):
-            first[i], clipped[i] = select_subspace(
-                axis, float(measured[i]), _ORDER[self.mode], self._weights[i]
-            )
+        table, d = self.table, len(self._axes)
+        measured = numbers(parameters, d).tolist()
+        first, clipped, excess = [0] * d, [False] * d, [0.0] * d
+        for i, axis in enumerate(self._axes):
+            p, excess[i] = self._placed(i, measured[i])
+            first[i], _ = select_subspace(axis, p, _ORDER[self.mode], self._weights[i])
+            clipped[i] = excess[i] > 0.0 and self.mode is not Mode.NOMINAL
         row = self._interpolator(first, self._weights)
         self._low[...] = row[:-1].reshape(self._low.shape)
         np.matmul(self._low, table.conversion, out=self._high)
@@ -118,6 +134,7 @@ class ReferenceGenerator:
         fixed, free = table.high_density_time
         np.multiply(free, final_time, out=self._times)
         np.add(self._times, fixed, out=self._times)
+        hole = table.solved is not None and self._in_a_hole(first, table.solved)
         return Reference(
             times=self._times,
             states=self._high[STATE_ROWS],
@@ -125,10 +142,25 @@ class ReferenceGenerator:
             gains=self._high[GAIN_ROWS],
             final_time=final_time,
             cell=tuple(first),
-            clipped=tuple(clipped) if self.mode is not Mode.NOMINAL else (False,) * len(clipped),
-            hole=table.solved is not None and self._in_a_hole(first, table.solved),
-            parameters=tuple(measured.tolist()),
+            clipped=tuple(clipped),
+            excess=tuple(excess),
+            hole=hole,
+            parameters=tuple(measured),
+            health=_health(measured, any(clipped), excess, hole),
         )
+
+    def _placed(self, i: int, p: float) -> tuple[float, float]:
+        """Parameter i as it is looked up, and how far it lies outside, in shares of its range."""
+        if not abs(p) < SANE:
+            return self._nominal[i], np.inf
+        low, high = self._edges[i]
+        if self._circular[i]:
+            p = float(on_turn_of(p, 0.5 * (low + high)))
+        edge = low if p < low else high if p > high else p
+        beyond = abs(p - edge)
+        if beyond <= self._rounding[i]:
+            return edge, 0.0
+        return p, beyond / (high - low) if high > low else np.inf
 
     def _in_a_hole(self, first: list[int], solved: NDArray[np.bool_]) -> bool:
         """Whether a hole has weight: a weight is 0 only where p is a grid point of its axis."""
@@ -141,3 +173,13 @@ class ReferenceGenerator:
                 high -= 1
             window.append(slice(first[i] + low, first[i] + high))
         return not solved[tuple(window)].all()
+
+
+def _health(measured: list[float], clipped: bool, excess: list[float], hole: bool) -> Health:
+    if not all(abs(p) < SANE for p in measured):
+        return Health.BAD_PARAMETERS
+    if max(excess, default=0.0) > FAR:
+        return Health.FAR_OUTSIDE
+    if hole:
+        return Health.HOLE_REFERENCE
+    return Health.BOUNDARY_REFERENCE if clipped else Health.GOOD

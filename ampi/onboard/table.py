@@ -12,10 +12,12 @@ the boundary, never an extrapolation; elsewhere it is what it would be without t
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
+
+from ampi.onboard.plausibility import StateEnvelope
 
 Array = NDArray[np.float64]
 
@@ -36,6 +38,8 @@ class GuidanceTable:
     high_density_time: tuple[Array, Array]  # (a, b) of t = a + b t_f, each (m,)
     centre: tuple[int, ...]  # grid index of the nominal parameters
     solved: NDArray[np.bool_] | None = None  # (n_1 … n_d), false: a hole; None: there are none
+    circular: tuple[int, ...] = ()  # axes of longitudes and azimuths: the same modulo a turn
+    envelope: StateEnvelope = field(init=False)  # of plausible navigation states
 
     def __post_init__(self) -> None:
         shape = tuple(len(axis) for axis in self.axes)
@@ -67,6 +71,25 @@ class GuidanceTable:
             raise ValueError("guidance table: every axis must increase strictly")
         if np.abs(self.conversion.sum(axis=0) - 1.0).max() > 1e-9:
             raise ValueError("guidance table: the columns of the LD→HD matrix must sum to one")
+        if len(self.centre) != len(shape) or not all(
+            0 <= i < n for i, n in zip(self.centre, shape, strict=True)
+        ):
+            raise ValueError(
+                f"guidance table: centre: expected a grid index within {shape}, got {self.centre}"
+            )
+        if not set(self.circular) <= set(range(len(shape))):
+            raise ValueError(
+                f"guidance table: circular: expected numbers of axes, 0 to {len(shape) - 1}, "
+                f"got {self.circular}"
+            )
+        fixed, free = self.high_density_time
+        for final_time in (self.final_time.min(), self.final_time.max()):  # affine between them
+            if not final_time > 0.0 or not np.all(np.diff(fixed + free * final_time) > 0.0):
+                raise ValueError(
+                    "guidance table: final times must be positive, and the times a + b t_f of the "
+                    f"points increase strictly; with t_f = {final_time} they do not"
+                )
+        object.__setattr__(self, "envelope", StateEnvelope.of(self.values[..., STATE_ROWS, :]))
         for array in (*shared, self.values, self.final_time):
             array.setflags(write=False)
         if self.solved is not None:

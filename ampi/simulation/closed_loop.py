@@ -17,7 +17,7 @@ from ampi.guidance import Guidance
 from ampi.missions.family import MissionFamily
 from ampi.onboard.reference import Reference
 from ampi.physics.equations_of_motion import FlightModel, equations_of_motion
-from ampi.tracking.bank_limiter import limited_rate
+from ampi.tracking.bank_limiter import bank_on_turn, limited_rate
 from ampi.tracking.linear_quadratic import bank_rate_command
 
 Array = NDArray[np.float64]
@@ -110,12 +110,16 @@ def _fly(
         time = step * cycle
         use = np.stack(path_limits.use(model, x, rate, time))
         peak = np.where(flying, np.maximum(peak, use), peak)
-        at, wanted, gain = _look_up(references, flight, pointer, time)
-        wanted = bank_rate_command(x, at, wanted, gain)
+        at, own_rate, gain = _look_up(references, flight, pointer, time)
+        told = x.copy()
+        told[6] = bank_on_turn(limits, x[6], at[6])
+        tracked = bank_rate_command(told, at, own_rate, gain)
+        wanted = np.where(guidance.table.envelope.holds(x), tracked, own_rate)
         wanted = np.where(time >= references.final_time, 0.0, wanted)
         if step % stride == 0:
             record.append(_snapshot(time, x, at, rate, flying))
-        new_rate = limited_rate(limits, x[6], rate, wanted, cycle)
+        shortest = guidance.first_cycle[0] if step == 0 else cycle
+        new_rate = limited_rate(limits, told[6], rate, wanted, cycle, shortest)
         ahead = _rk4(model, x, rate, new_rate, time, cycle)
         ended = flying & ~(ahead[3] > target_speed)
         if ended.any():

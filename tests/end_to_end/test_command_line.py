@@ -114,8 +114,18 @@ def test_guide_writes_the_reference_of_an_entry(folder: Path) -> None:
 
 
 def test_guide_flags_an_entry_outside(folder: Path) -> None:
-    done = run("guide", "small.h5", "--speed", "5000", cwd=folder)
+    done = run("guide", "small.h5", "--speed", "5000", cwd=folder, code=1)
     assert "outside the hypercube in speed: boundary trajectory" in done.stdout
+    assert "warning: speed lies outside the hypercube by 156 % of its axis' range" in done.stderr
+    assert "warning: FAR_OUTSIDE: The parameters lie outside" in unwrapped(done.stderr)
+    near = run("guide", "small.h5", "--speed", "4800", "--json", cwd=folder)
+    assert "warning: speed lies outside the hypercube by 12.7 % of its" in near.stderr
+    found = json.loads(near.stdout)
+    assert (found["outside"], found["health"]) == (["speed"], "BOUNDARY_REFERENCE")
+    assert found["excess"] == {"speed": pytest.approx((4800.0 - 4782.26) / 140.0)}
+    whole = run("guide", "small.h5", "--speed", "4782.26", "--json", cwd=folder)
+    assert whole.stderr == ""
+    assert json.loads(whole.stdout)["health"] == "GOOD"
 
 
 def test_fly_and_report(folder: Path) -> None:

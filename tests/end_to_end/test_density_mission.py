@@ -183,7 +183,7 @@ def test_the_command_line_takes_any_parameter(cut: Path) -> None:
     assert nominal.startswith("cell (1, 1), final time")
     assert thick["parameters"] == {"speed": 4740.0, "density_factor": 1.07}
     assert (thick["cell"], thick["outside"]) == ([1, 2], [])
-    outside = run("guide", "density.h5", "-p", "density_factor=1.3", cwd=folder)
+    outside = run("guide", "density.h5", "-p", "density_factor=1.12", cwd=folder)
     assert "outside the hypercube in density_factor: boundary trajectory" in outside
 
 

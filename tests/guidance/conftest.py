@@ -65,4 +65,4 @@ def synthetic() -> Guidance:
         high_density_time=(np.zeros(41), np.linspace(0.0, 1.0, 41)),
         centre=(1, 0, 1, 1, 1, 1),
     )
-    return Guidance(table, BankLimits(1.0, 0.1, 0.07))
+    return Guidance(table, BankLimits(1.0, 0.1, 0.07), cycle=0.5)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -74,7 +75,9 @@ def test_the_default_mode_is_ampi(loaded: Guidance) -> None:
 
 
 def test_an_unknown_mode_is_named(database_file: Path) -> None:
-    with pytest.raises(ValueError, match="'cubic' is not a valid Mode"):
+    with pytest.raises(
+        ValueError, match="mode: expected one of nominal, mpi, ampi, quadratic, got 'cubic'"
+    ):
         load_guidance(database_file, mode="cubic")
 
 
@@ -121,3 +124,20 @@ def test_a_whole_database_has_no_mask_and_an_empty_one_does_not_fly(database_fil
 def test_what_to_do_with_holes_is_one_of_two_words(database_file: Path) -> None:
     with pytest.raises(ValueError, match="holes: expected refuse or fly, got 'yes'"):
         load_guidance(database_file, holes="yes")  # type: ignore[arg-type]
+
+
+def test_longitudes_and_azimuths_among_the_axes_are_circular(database_file: Path) -> None:
+    dataset = read_dataset(database_file)
+    for names, circular in (
+        (("speed", "azimuth"), (1,)),
+        (("longitude", "target.longitude"), (0, 1)),
+        (("target.azimuth.0", "no_fly_zone.1.longitude"), (0, 1)),
+        (("latitude", "target.longitude_weight"), ()),
+    ):
+        assert guidance_table(replace(dataset, names=names)).circular == circular
+
+
+def test_the_cycle_is_stated_or_the_nominal_one(database_file: Path) -> None:
+    assert load_guidance(database_file).first_cycle == (1e-3, 0.5)
+    stated = load_guidance(database_file, cycle=0.1)
+    assert (stated.cycle, stated.first_cycle) == (0.1, (0.1, 0.1))

@@ -157,3 +157,28 @@ def test_a_hole_in_the_values_alone_is_counted(table: GuidanceTable) -> None:
     values[(0,) * len(table.axes)][3, 2] = np.nan
     with pytest.raises(ValueError, match=r"1 of \d+ cases have no solution"):
         replace(table, values=values)
+
+
+@pytest.mark.parametrize("centre", [(1,) * 5, (1,) * 7, (3, 1, 1, 1, 1, 1), (-1, 1, 1, 1, 1, 1)])
+def test_a_centre_beside_the_grid_is_refused(table: GuidanceTable, centre: tuple[int, ...]) -> None:
+    with pytest.raises(
+        ValueError, match=r"centre: expected a grid index within \(3, 3, 3, 3, 3, 3"
+    ):
+        replace(table, centre=centre)
+
+
+@pytest.mark.parametrize("circular", [(6,), (-1,), (0, 7)])
+def test_a_circular_axis_that_is_none_is_refused(
+    table: GuidanceTable, circular: tuple[int, ...]
+) -> None:
+    with pytest.raises(ValueError, match="circular: expected numbers of axes, 0 to 5, got"):
+        replace(table, circular=circular)
+
+
+@pytest.mark.parametrize("final_time", [0.0, -10.0, 15.0])
+def test_times_that_do_not_increase_are_refused(table: GuidanceTable, final_time: float) -> None:
+    """They are divided by; in this table 20 s are flown before the time that depends on t_f."""
+    times = unlocked(table, "final_time")
+    times[0, 1, 0, 2, 0, 0] = final_time
+    with pytest.raises(ValueError, match="final times must be positive, and the times"):
+        replace(table, final_time=times)

@@ -264,10 +264,3 @@ def test_any_number_of_parameters(make_table: Callable[..., GuidanceTable], d: i
     assert generator.reference(p).inside
     expected = np.tensordot(p, slopes, axes=1)
     assert generator.nodal_values == pytest.approx(expected, rel=1e-10, abs=1e-10)
-
-
-@pytest.mark.parametrize("p", [np.zeros(5), np.zeros(7), np.zeros((6, 1)), 0.0])
-def test_a_vector_of_another_length_is_refused(table: GuidanceTable, p: object) -> None:
-    generator = ReferenceGenerator(table, Mode.AMPI)
-    with pytest.raises(ValueError, match="parameters: expected 6 numbers, one per axis of the tab"):
-        generator.reference(p)  # type: ignore[arg-type]
