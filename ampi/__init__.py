@@ -16,7 +16,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from ampi.guidance import Guidance
+    from ampi.guidance import BankCommand, Guidance
     from ampi.loading import load_guidance
     from ampi.missions.mission import Mission, load_mission
     from ampi.onboard.health import Health
@@ -26,14 +26,27 @@ if TYPE_CHECKING:
     from ampi.scp.guess import ConstantBank
     from ampi.scp.refinement import RefinementSettings
     from ampi.scp.solve import solve, solve_family
-    from ampi.simulation.dispersions import Dispersions
-    from ampi.simulation.monte_carlo import Flights, fly
+    from ampi.simulation.closed_loop import FlightStatus
+    from ampi.simulation.dispersions import Dispersions, Distribution
+    from ampi.simulation.flights_csv import write_flights_csv
+    from ampi.simulation.monte_carlo import (
+        Flights,
+        fly,
+        fly_modes,
+        load_campaigns,
+        save_campaigns,
+    )
     from ampi.simulation.statistics import judge
     from ampi.trajectory import Status, Trajectory
 
+    __version__: str
+
 _HOME = {
+    "BankCommand": "ampi.guidance",
     "ConstantBank": "ampi.scp.guess",
     "Dispersions": "ampi.simulation.dispersions",
+    "Distribution": "ampi.simulation.dispersions",
+    "FlightStatus": "ampi.simulation.closed_loop",
     "Flights": "ampi.simulation.monte_carlo",
     "Guidance": "ampi.guidance",
     "Health": "ampi.onboard.health",
@@ -46,6 +59,10 @@ _HOME = {
     "Status": "ampi.trajectory",
     "Trajectory": "ampi.trajectory",
     "fly": "ampi.simulation.monte_carlo",
+    "fly_modes": "ampi.simulation.monte_carlo",
+    "load_campaigns": "ampi.simulation.monte_carlo",
+    "save_campaigns": "ampi.simulation.monte_carlo",
+    "write_flights_csv": "ampi.simulation.flights_csv",
     "judge": "ampi.simulation.statistics",
     "load_guidance": "ampi.loading",
     "load_mission": "ampi.missions.mission",
@@ -54,8 +71,11 @@ _HOME = {
 }
 
 __all__ = [
+    "BankCommand",
     "ConstantBank",
     "Dispersions",
+    "Distribution",
+    "FlightStatus",
     "Flights",
     "Guidance",
     "Health",
@@ -67,16 +87,23 @@ __all__ = [
     "SolverSettings",
     "Status",
     "Trajectory",
+    "__version__",
     "fly",
+    "fly_modes",
     "judge",
+    "load_campaigns",
     "load_guidance",
     "load_mission",
+    "save_campaigns",
     "solve",
     "solve_family",
+    "write_flights_csv",
 ]
 
 
 def __getattr__(name: str) -> Any:
+    if name == "__version__":
+        return import_module("importlib.metadata").version("ampi")
     if name in _HOME:
         return getattr(import_module(_HOME[name]), name)
     raise AttributeError(f"module 'ampi' has no attribute {name!r}")

@@ -6,19 +6,23 @@ import csv
 import json
 import os
 import shlex
+import signal
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import asdict
 from pathlib import Path
+from types import FrameType
 from typing import TYPE_CHECKING, Annotated, Any
 
+import joblib
 import numpy as np
 import typer
 from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
+from ampi.job import JobError
 from ampi.missions.mission import Mission, MissionError, load_mission
 from ampi.outputs import FIGURES, check_figures, check_output, written
 from ampi.progress import progress
@@ -44,9 +48,24 @@ Jobs = Annotated[int, typer.Option("--jobs", "-j", min=1, help="Worker processes
 Json = Annotated[bool, typer.Option("--json", help="Print numbers as JSON.")]
 Force = Annotated[bool, typer.Option("--force", help="Replace a file that is already there.")]
 MissionArgument = Annotated[str, typer.Argument(help="Name of a shipped mission, or a .toml file.")]
+STOPPING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 DatabaseArgument = Annotated[Path, typer.Argument(help="Trajectory database (.h5).")]
-CORES = os.cpu_count() or 1
+CORES = joblib.cpu_count()  # those that this process may use
 MOST_CASES = 12  # numbers of cases in a printed line; --json has them all
+
+
+class Stopped(SystemExit):
+    """A signal has asked for the end: what was begun is ended in order, workers and temporary files."""
+
+    def __init__(self, number: int) -> None:
+        super().__init__(128 + number)
+        self.signal = signal.Signals(number)
+
+
+def _stop(number: int, frame: FrameType | None) -> None:
+    for one in STOPPING:  # whoever asks twice does not wait
+        signal.signal(one, signal.SIG_DFL)
+    raise Stopped(number)
 
 
 @contextmanager
@@ -54,9 +73,12 @@ def _told() -> Iterator[None]:
     """Misuse and bad files end in one clear sentence, not in a traceback."""
     try:
         yield
-    except (ValueError, OSError, MemoryError) as error:
+    except (ValueError, OSError, MemoryError, JobError) as error:
         _print_error(_sentence(error))
         raise typer.Exit(2) from None
+    except Stopped as stopped:
+        error_out.print(f"Interrupted by {stopped.signal.name}.")
+        raise
 
 
 def _sentence(error: Exception) -> str:
@@ -266,14 +288,14 @@ def build(
                     time_limit=TIME_LIMIT if time_limit is None else time_limit,
                     advance=advance,
                 )
-        except KeyboardInterrupt:
+        except Stopped as stopped:
             kept = len(list(partial_folder(path).glob("case_*.rec")))
             again = shlex.join(word for word in sys.argv[1:] if word != "--no-resume")
             error_out.print(
                 f"Interrupted: {kept} solved cases are kept in {_escaped(partial_folder(path))}. "
                 f"To continue: ampi {_escaped(again)}"
             )
-            raise typer.Exit(130) from None
+            raise typer.Exit(128 + stopped.signal) from None
     if as_json:
         numbers = {k: str(v) if isinstance(v, Path) else v for k, v in vars(report).items()}
         _print_json({**numbers, "doubts": report.doubts})
@@ -721,6 +743,12 @@ def fly(
     seed: Annotated[int, typer.Option(min=0, help="Seed of the campaign.")] = 2016,
     distribution: Annotated[str, typer.Option(help="normal, uniform or corners.")] = "normal",
     output: Annotated[Path | None, typer.Option(help="Keep the flights (.npz) for report.")] = None,
+    table: Annotated[
+        Path | None, typer.Option("--csv", help="Write a row for each flight as CSV.")
+    ] = None,
+    cycle: Annotated[
+        float | None, typer.Option(help="Guidance cycle (s); 0.5 if not given.")
+    ] = None,
     jobs: Jobs = CORES,
     force: Force = False,
     as_json: Json = False,
@@ -731,35 +759,41 @@ def fly(
     from ampi.onboard.reference import Mode
     from ampi.report.text import verdict_text
     from ampi.simulation.dispersions import Dispersions, Distribution
-    from ampi.simulation.monte_carlo import fly as fly_campaign
-    from ampi.simulation.monte_carlo import save_campaigns
+    from ampi.simulation.flights_csv import write_flights_csv
+    from ampi.simulation.monte_carlo import fly_modes, save_campaigns
     from ampi.simulation.statistics import judge, ratio_to_nominal
 
     with _told():
         check_output(output, force=force, others=[path])
+        check_output(table, force=force, others=[path, output])
         mission = read_dataset(path).mission
         guidance = load_guidance(path)
-        chosen = [_choice(Mode, name.strip(), "--modes") for name in modes.split(",")]
+        names = dict.fromkeys(name.strip() for name in modes.split(","))
+        chosen = [_choice(Mode, name, "--modes") for name in names]
         law = _choice(Distribution, distribution, "--distribution")
         dispersions = Dispersions.from_mission(mission, law)
-        campaigns = {}
         with progress("flying", n * len(chosen)) as advance:
-            for mode in chosen:
-                campaigns[mode.value] = fly_campaign(
-                    mission,
-                    guidance.in_mode(mode),
-                    dispersions,
-                    n,
-                    seed=seed,
-                    n_jobs=jobs,
-                    advance=advance,
-                )
+            flown = fly_modes(
+                mission,
+                guidance,
+                chosen,
+                dispersions,
+                n,
+                seed=seed,
+                n_jobs=jobs,
+                cycle=cycle,
+                advance=advance,
+            )
+        campaigns = {mode.value: flights for mode, flights in flown.items()}
         if output is not None:
             save_campaigns(output, campaigns)
+        if table is not None:
+            write_flights_csv(table, mission, campaigns)
     if as_json:
         verdicts = {name: judge(flights).as_dict() for name, flights in campaigns.items()}
         for name, flights in campaigns.items():
             ratio = ratio_to_nominal(flights, campaigns)
+            verdicts[name]["drawn"] = flights.dispersions.in_words(mission)
             verdicts[name]["footprint_ratio"] = None if ratio is None else asdict(ratio)
         _print_json(verdicts)
     else:
@@ -875,6 +909,9 @@ def main() -> None:
     """Entry point. What cannot be shown on standard output changes no result."""
     sys.stdout, sys.stderr = map(standard_stream, (sys.stdout, sys.stderr))
     out.file, error_out.file = sys.stdout, sys.stderr  # their encoding decides on a table's lines
+    for number in STOPPING:
+        if signal.getsignal(number) is not signal.SIG_IGN:  # as nohup wants it
+            signal.signal(number, _stop)
     try:
         try:
             app()

@@ -16,14 +16,16 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from concurrent.futures import Future
+from contextlib import closing
 from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
-from joblib import Parallel, delayed
 from numpy.typing import NDArray
 
 from ampi.dataset import TrajectoryDataset
+from ampi.job import JobError, finished
 from ampi.loading import guidance_table
 from ampi.missions.family import MissionFamily
 from ampi.missions.mission import Mission
@@ -33,6 +35,8 @@ from ampi.onboard.table import RATE_ROW, STATE_ROWS, GuidanceTable
 from ampi.physics.planet import great_circle_distance
 from ampi.propagation import reintegrate_many
 from ampi.scp.solve import solve
+from ampi.simulation.dispersions import require_seed
+from ampi.supervisor import in_workers, require_workers
 from ampi.trajectory import Status, Trajectory
 from database.branches import Branches, branches
 from database.coherence import ROWS, THRESHOLD, Coherence, coherence, on_turn_of_rows
@@ -42,6 +46,7 @@ from database.grid import Grid
 Array = NDArray[np.float64]
 
 CHUNK = 81
+PORTION = 4  # random points that are solved one after the other in a process
 PERCENTILE = 90.0
 COLUMNS = ("altitude_m", "speed_m_per_s", "bank_deg", "final_time_s", "open_loop_miss_km")
 MODES = (Mode.MPI, Mode.AMPI, Mode.QUADRATIC)
@@ -135,8 +140,10 @@ def audit(
     n_jobs
         Worker processes for the probes.
     """
-    if probes < 0:
-        raise ValueError(f"probes: expected a non-negative number, got {probes}")
+    if isinstance(probes, bool) or not isinstance(probes, int) or probes < 0:
+        raise ValueError(f"probes: expected a non-negative number, got {probes!r}")
+    require_seed(seed)
+    require_workers(n_jobs)
     notify = advance or (lambda count: None)
     flown = _fly_again(dataset, notify)
     names = PathLimits.of(dataset.mission).names
@@ -214,13 +221,14 @@ def _probe(
     whole = [p for p in points if _is_whole(solved, Mode.AMPI, ampi.reference(p).cell)]
     notify(len(points) - len(whole))
     found: list[dict[str, Array]] = []
-    if whole:
-        with Parallel(n_jobs=n_jobs, return_as="generator") as pool:
-            tasks = (delayed(_probe_point)(dataset.mission, table, solved, p) for p in whole)
-            for result in pool(tasks):
-                notify(1)
-                if result is not None:
-                    found.append(result)
+    jobs = [
+        Probes(dataset.mission, table, solved, whole[k : k + PORTION])
+        for k in range(0, len(whole), PORTION)
+    ]
+    with closing(in_workers(__name__, jobs, n_jobs)) as results:
+        for portion in results:
+            notify(len(portion))
+            found += [errors for errors in portion if errors is not None]
     errors = {
         mode.value: np.array([row[mode.value] for row in found]).reshape(-1, len(COLUMNS))
         for mode in MODES
@@ -248,6 +256,31 @@ def _is_whole(solved: NDArray[np.bool_], mode: Mode, cell: tuple[int, ...]) -> b
     else:
         used = [slice(first, first + POINTS[mode]) for first in cell]
     return bool(solved[tuple(used)].all())
+
+
+@dataclass(frozen=True, eq=False)
+class Probes:
+    """Some random points, as a job (ampi.job): the table travels once for all of them."""
+
+    mission: Mission
+    table: GuidanceTable
+    solved: NDArray[np.bool_]
+    points: list[Array]
+
+    def compute(self, announce: Callable[[int], None]) -> Future[list[dict[str, Array] | None]]:
+        """Solve the problem at each."""
+        announce(0)
+        return finished(
+            [_probe_point(self.mission, self.table, self.solved, p) for p in self.points]
+        )
+
+    def without(self, attempt: int) -> Probes:
+        """There is one way only."""
+        return self
+
+    def give_up(self, reason: str) -> list[dict[str, Array] | None]:
+        """Points that kill a process say nothing of the database."""
+        raise JobError(f"{len(self.points)} random points could not be solved: {reason}")
 
 
 def _probe_point(

@@ -28,14 +28,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ampi.dataset import TrajectoryDataset, partial_folder, stored_mission
+from ampi.job import JobError
 from ampi.missions.mission import Mission
 from ampi.scp.capabilities import check
 from ampi.scp.problem import OptimalControlProblem
 from ampi.scp.solve import solve
+from ampi.supervisor import require_workers
 from ampi.trajectory import Status, Trajectory
 from database.blocks import Block, blocks
 from database.branches import STATIONS, branch_doubt, stations, suspects
-from database.campaign import TIME_LIMIT, BuildError, Campaign, JobError, Solver, lost
+from database.campaign import TIME_LIMIT, BuildError, Campaign, Solver, lost
 from database.claim import claim, fingerprint_of
 from database.engines import ClusterEngine, Engine, LocalEngine
 from database.gains import GainSettings
@@ -164,8 +166,7 @@ def build(
     BuildError
         If the build cannot start or go on; what is finished stays.
     """
-    if n_jobs < 1:
-        raise BuildError(f"n_jobs: expected at least 1 worker process, got {n_jobs}")
+    require_workers(n_jobs)
     if not 0.0 < time_limit < np.inf:
         raise BuildError(f"time_limit: expected a positive number of seconds, got {time_limit}")
     path = Path(path).absolute()  # what `advance` or a solver does may change the working folder

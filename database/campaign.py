@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from ampi.dataset import TrajectoryDataset
+from ampi.job import JobError
 from ampi.missions.mission import Mission, parse_mission
 from ampi.scp.solve import solve
 from ampi.trajectory import Trajectory
@@ -23,10 +24,6 @@ TIME_LIMIT = 60.0  # s for one solve: some 300 times what a hard one takes
 
 class BuildError(ValueError):
     """A build that cannot start or go on; the message says what is in its way."""
-
-
-class JobError(RuntimeError):
-    """A job that could not keep a result: the build cannot go on."""
 
 
 class Solver(Protocol):

@@ -14,14 +14,15 @@ from concurrent.futures import ThreadPoolExecutor
 from functools import lru_cache
 from typing import Any, Protocol
 
-from database.campaign import JobError
+from ampi.job import JobError
+from ampi.software import require_same, software
+from ampi.supervisor import Supervisor
 from database.jobs import Job
-from database.provenance import require_same, software
-from database.supervisor import Supervisor
 
 RETRIES = 3  # of a job that raises on a cluster: a folder may be out of reach for a moment
 LONELY = 120.0  # s without any worker
 IMPORTABLE = "__import__('importlib.util').util.find_spec('database') is not None"
+JOBS = "database.jobs"  # what workers import
 AHEAD = 3  # jobs under way per worker: one is computed, one flushed, one on its way
 
 
@@ -50,7 +51,7 @@ class LocalEngine:
     """`n_jobs` worker processes; a thread watches each job."""
 
     def __init__(self, n_jobs: int) -> None:
-        self._supervisor = Supervisor(most=n_jobs)
+        self._supervisor = Supervisor(JOBS, most=n_jobs)
         self.room, self.width = AHEAD * n_jobs, 2 * n_jobs
         self._threads = ThreadPoolExecutor(self.room)
         for _ in range(n_jobs):  # their imports take longer than the first cases
@@ -132,7 +133,7 @@ class ClusterEngine:
 
 @lru_cache(maxsize=1)
 def _here() -> Supervisor:
-    return Supervisor()
+    return Supervisor(JOBS)
 
 
 def run_supervised(job: Job, expected: Mapping[str, str]) -> None:

@@ -20,15 +20,19 @@ the sum over all cells of all axes; the point that pays most has the greatest ga
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from concurrent.futures import Future
+from contextlib import closing
 from dataclasses import dataclass
 
 import numpy as np
-from joblib import Parallel, delayed
 from numpy.typing import NDArray
 
 from ampi.dataset import TrajectoryDataset
+from ampi.job import JobError, finished
 from ampi.missions.mission import Mission
 from ampi.scp.solve import solve
+from ampi.supervisor import in_workers
 from ampi.trajectory import Trajectory
 from database.branches import halfway
 from database.coherence import chord_misses, family_rows, on_turn_of_rows
@@ -76,6 +80,7 @@ def error_map(
     seed
         Of the choice of their lines.
     """
+    probed = _probed(dataset, n_jobs, seed)
     rows, cells = family_rows(dataset), []
     for i, (parameter, axis) in enumerate(
         zip(dataset.mission.parameters, dataset.axes, strict=True)
@@ -83,7 +88,7 @@ def error_map(
         if len(axis) > 2:
             errors, source = _left_out(axis, np.moveaxis(rows, i, 0)), "leave-one-out"
         else:
-            errors, source = _probed(dataset, i, n_jobs, seed), "probes"
+            errors, source = probed[i], "probes"
         width = np.diff(axis) / (axis[-1] - axis[0])
         cells += [(parameter, j, source, errors[j], width[j]) for j in range(len(axis) - 1)]
     weighted = np.array([w * e for *_, e, w in cells])
@@ -143,29 +148,59 @@ def _typical(errors: Array) -> Array:
     return np.percentile(known, PERCENTILE, axis=0) if len(known) else np.full(len(COLUMNS), np.nan)
 
 
-def _probed(dataset: TrajectoryDataset, i: int, n_jobs: int, seed: int) -> Array:
-    """Error in the middle of the only cell of axis `i`, (1, 4), over lines that have both ends."""
+def _probed(dataset: TrajectoryDataset, n_jobs: int, seed: int) -> dict[int, Array]:
+    """Error in the middle of the only cell of each axis of two points, (1, 4)."""
+    axes = [i for i, axis in enumerate(dataset.axes) if len(axis) == 2]
+    middles = {i: _middles(dataset, i, seed) for i in axes}
+    jobs = [middle for i in axes for middle in middles[i]]
+    with closing(in_workers(__name__, jobs, n_jobs)) as results:
+        found = {i: [next(results) for _ in middles[i]] for i in axes}
+    return {i: _typical(np.array(e).reshape(-1, len(COLUMNS)))[None] for i, e in found.items()}
+
+
+def _middles(dataset: TrajectoryDataset, i: int, seed: int) -> list[Middle]:
+    """Of lines along axis `i` that have both ends, the nominal one first."""
     grid, solved = Grid.from_mission(dataset.mission), np.moveaxis(dataset.solved, i, 0)
     whole = np.flatnonzero(solved.all(axis=0).ravel())
     others = solved.shape[1:]
     centre = [c for j, c in enumerate(grid.centre) if j != i]
     nominal = int(np.ravel_multi_index(centre, others)) if centre else 0
     chosen = np.random.default_rng([seed, i]).permutation(whole[whole != nominal])[: LINES - 1]
-    tasks = []
+    middles = []
     for line in [nominal, *sorted(chosen.tolist())]:
         at = [int(k) for k in np.unravel_index(line, others)] if centre else []
         ends = [int(np.ravel_multi_index((*at[:i], end, *at[i:]), grid.shape)) for end in range(2)]
         if all(dataset.solved.ravel()[end] for end in ends):
             point = 0.5 * (grid.point(ends[0]) + grid.point(ends[1]))
-            tasks.append((dataset.mission, point, *(dataset.trajectory(end) for end in ends)))
-    with Parallel(n_jobs=min(n_jobs, max(1, len(tasks)))) as pool:
-        found = pool(delayed(_middle_error)(*task) for task in tasks)
-    return _typical(np.array(found).reshape(-1, len(COLUMNS)))[None]
+            one, other = (dataset.trajectory(end) for end in ends)
+            middles.append(Middle(dataset.mission, point, one, other))
+    return middles
 
 
-def _middle_error(
-    mission: Mission, point: Array, one: Trajectory, other: Trajectory
-) -> Array | None:
+@dataclass(frozen=True, eq=False)
+class Middle:
+    """A point between two optima, as a job (ampi.job)."""
+
+    mission: Mission
+    point: Array
+    one: Trajectory
+    other: Trajectory
+
+    def compute(self, announce: Callable[[int], None]) -> Future[Array]:
+        """The interpolation error there, (4,)."""
+        announce(0)
+        return finished(_middle_error(self.mission, self.point, self.one, self.other))
+
+    def without(self, attempt: int) -> Middle:
+        """There is one way only."""
+        return self
+
+    def give_up(self, reason: str) -> Array:
+        """A point that kills a process says nothing of the database."""
+        raise JobError(f"the middle of a cell could not be solved: {reason}")
+
+
+def _middle_error(mission: Mission, point: Array, one: Trajectory, other: Trajectory) -> Array:
     middle = halfway(one, other)
     truth = solve(mission.with_parameters(point), guess=middle)
     if not truth.status.ok:

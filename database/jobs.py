@@ -23,6 +23,7 @@ from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
 
+from ampi.job import JobError
 from ampi.scp.shortfall import verdict
 from ampi.scp.solve import solve_family
 from ampi.trajectory import Trajectory
@@ -35,7 +36,7 @@ from database.attempts import (
     stopped_after,
 )
 from database.blocks import Block, assemble, block_shape
-from database.campaign import Campaign, JobError, lost
+from database.campaign import Campaign, lost
 from database.continuation import PlannedCase
 from database.hdf5_file import encoded_block
 from database.prediction import predicted
@@ -49,7 +50,7 @@ from database.records import (
 
 
 class Job(ABC):
-    """Work that a process does alone."""
+    """A job (ampi.job) of a build: what it leaves is on disk, and its result None."""
 
     @property
     @abstractmethod

@@ -17,7 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from database.campaign import JobError
+from ampi.job import JobError
 from database.engines import Engine
 from database.jobs import Job
 

@@ -23,18 +23,17 @@ def main() -> None:
     arguments = parser.parse_args()
     mission = read_dataset(arguments.path).mission
     guidance = ampi.load_guidance(arguments.path)
-    campaigns = {}
     with progress("flying", arguments.flights * len(ampi.Mode)) as advance:
-        for mode in ampi.Mode:
-            campaigns[mode.value] = ampi.fly(
-                mission,
-                guidance.in_mode(mode),
-                n=arguments.flights,
-                seed=arguments.seed,
-                n_jobs=arguments.jobs,
-                advance=advance,
-            )
-    print(verdict_text(mission, campaigns))
+        flown = ampi.fly_modes(
+            mission,
+            guidance,
+            ampi.Mode,
+            n=arguments.flights,
+            seed=arguments.seed,
+            n_jobs=arguments.jobs,
+            advance=advance,
+        )
+    print(verdict_text(mission, {mode.value: flights for mode, flights in flown.items()}))
 
 
 if __name__ == "__main__":

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from textwrap import wrap
 
 from ampi.missions.mission import Mission
 from ampi.report.verdict_tables import Cell, Group, VerdictTable, verdict_tables
@@ -16,6 +17,8 @@ GAP = 2
 def verdict_text(mission: Mission, campaigns: Mapping[str, Flights]) -> str:
     """Every verdict table as aligned text; the paper's rows are marked 2016."""
     lines = [f"{mission.title}: {_flown(campaigns)}"]
+    for words in sorted({flights.dispersions.in_words(mission) for flights in campaigns.values()}):
+        lines += wrap(f"Offsets from the nominal, {words}", WIDTH, subsequent_indent=" " * GAP)
     for table in verdict_tables(mission, campaigns):
         lines += ["", table.title.upper()]
         for group in table.groups:

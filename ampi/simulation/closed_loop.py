@@ -1,8 +1,9 @@
 """Closed-loop entries, vectorised over flights.
 
-Plant: the equations of motion of ampi/physics, RK4, one step per guidance cycle with the bank rate
-linear in it. Flight software: the functions of ampi/onboard and ampi/tracking that `Guidance` calls,
-here on a batch. A flight ends where its speed reaches the target speed.
+Plant: the equations of motion of ampi/physics, RK4, in equal steps of at most `PLANT_STEP` per guidance
+cycle, with the bank rate linear over the cycle. Flight software: the functions of ampi/onboard and
+ampi/tracking that `Guidance` calls, here on a batch. A flight ends where its speed reaches the target
+speed, at the ground or at its time limit, whichever comes first, and the instant is found in the step.
 """
 
 from __future__ import annotations
@@ -22,10 +23,12 @@ from ampi.tracking.linear_quadratic import bank_rate_command
 
 Array = NDArray[np.float64]
 
-SPEED_TOLERANCE = 1e-5  # m/s, of the instant at which a flight ends
+PLANT_STEP = 0.5  # s
+SPEED, ALTITUDE = 3, 0
+TOLERANCE = {SPEED: 1e-5, ALTITUDE: 1e-4}  # m/s, m: of the instant at which a flight ends
 SEARCH = 150  # steps to find it at the most: secants within a bracket, and bisections
 LONGEST = (
-    2.0  # times the reference's final time: a flight that takes longer is a record, not a hang
+    2.0  # times its reference's final time: a flight that takes longer is a record, not a hang
 )
 
 
@@ -37,6 +40,9 @@ class FlightStatus(IntEnum):
     TIME_LIMIT = 2
     NOT_FINITE = 3
     STARTED_SLOW = 4  # the entry speed is not above the target speed
+
+    def __str__(self) -> str:
+        return self.name
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,7 +57,9 @@ class FlightBatch:
     states: Array  # (n, 7, k)
     reference_states: Array  # (n, 7, k)
     bank_rate: Array  # (n, k), flown, rad/s
-    peak: Array  # (n, l): greatest use of each limit of the mission, read at every guidance cycle
+    peak: (
+        Array  # (n, l): greatest use of each limit of the mission, at every plant step and the end
+    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,14 +110,14 @@ def _fly(
     slow = finite & ~flying
     final[slow], final_time[slow] = x[:, slow].T, 0.0
     status[slow] = int(FlightStatus.STARTED_SLOW)
-    status[~finite], peak[:, ~finite] = int(FlightStatus.NOT_FINITE), np.nan
-    steps = int(np.ceil(LONGEST * references.final_time.max() / cycle))
-    stride = max(1, round(record_every / cycle))
+    status[~finite] = int(FlightStatus.NOT_FINITE)
+    longest = LONGEST * references.final_time
+    parts = max(1, int(np.ceil(cycle / PLANT_STEP - 1e-9)))
+    stride, h = max(1, round(record_every / cycle)), cycle / parts
     record: list[tuple[float, Array, Array, Array]] = []
-    for step in range(steps):
+    step = 0
+    while step == 0 or flying.any():
         time = step * cycle
-        use = np.stack(path_limits.use(model, x, rate, time))
-        peak = np.where(flying, np.maximum(peak, use), peak)
         at, own_rate, gain = _look_up(references, flight, pointer, time)
         told = x.copy()
         told[6] = bank_on_turn(limits, x[6], at[6])
@@ -119,20 +127,24 @@ def _fly(
         if step % stride == 0:
             record.append(_snapshot(time, x, at, rate, flying))
         shortest = guidance.first_cycle[0] if step == 0 else cycle
-        new_rate = limited_rate(limits, told[6], rate, wanted, cycle, shortest)
-        ahead = _rk4(model, x, rate, new_rate, time, cycle)
-        ended = flying & ~(ahead[3] > target_speed)
-        if ended.any():
-            _finish(family, ended, x, ahead, rate, new_rate, time, cycle, final, final_time, status)
-        grounded = flying & ~ended & (ahead[0] < 0.0)
-        final[grounded], final_time[grounded] = ahead[:, grounded].T, time + cycle
-        status[grounded] = int(FlightStatus.GROUND)
-        flying &= ~(ended | grounded)
-        x = np.where(flying, ahead, x)
-        rate = np.where(flying, new_rate, rate)
-        if not flying.any():
-            break
-    final[flying], final_time[flying] = x[:, flying].T, steps * cycle
+        reached = limited_rate(limits, told[6], rate, wanted, cycle, shortest)
+        for part in range(parts):
+            now, old = time + part * h, _between(rate, reached, part / parts)
+            new = _between(rate, reached, (part + 1) / parts)
+            use = np.stack(path_limits.use(model, x, old, now))
+            peak = np.where(flying, np.maximum(peak, use), peak)
+            ahead = _rk4(model, x, old, new, now, h)
+            goes_on = (ahead[SPEED] > target_speed) & (ahead[ALTITUDE] >= 0.0)
+            for i in np.flatnonzero(flying & ~(goes_on & (now + h < longest))):
+                own = _Step(family.missions[i].flight_model, x[:, i], old[i], new[i], now, h)
+                final[i], passed, status[i] = _end(own, target_speed[i], longest[i] - now)
+                final_time[i], flying[i], rate[i] = now + passed, False, own.rate(passed)
+            x = np.where(flying, ahead, x)
+        rate = np.where(flying, reached, rate)
+        step += 1
+    use = np.stack(path_limits.use(model, final.T, rate, final_time))
+    peak = np.maximum(peak, use)
+    peak[:, status == int(FlightStatus.NOT_FINITE)] = np.nan
     times, states, reference_states, rates = zip(*record, strict=True)
     return FlightBatch(
         final_states=final,
@@ -183,41 +195,62 @@ def _rk4(
     return x + h / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4)
 
 
-def _finish(
-    family: MissionFamily,
-    ended: NDArray[np.bool_],
-    x: Array,
-    ahead: Array,
-    rate: Array,
-    new_rate: Array,
-    time: float,
-    cycle: float,
-    final: Array,
-    final_time: Array,
-    status: NDArray[np.int64],
-) -> None:
-    """Locate the target speed inside the step, each guess with its own RK4 step."""
-    for i in np.flatnonzero(ended):
-        if not np.all(np.isfinite(ahead[:, i])):
-            final_time[i], status[i] = time, int(FlightStatus.NOT_FINITE)
-            continue
-        model = family.missions[i].flight_model
-        target = family.missions[i].target.speed
-        begin, old, slope = x[:, i : i + 1], rate[i : i + 1], new_rate[i] - rate[i]
-        low, high = 0.0, cycle
-        h = cycle * float((x[3, i] - target) / (x[3, i] - ahead[3, i]))
+def _between(begin: Array, end: Array, share: float) -> Array:
+    return (1.0 - share) * begin + share * end
+
+
+@dataclass(frozen=True, eq=False)
+class _Step:
+    """One plant step of one flight, to be taken in part."""
+
+    model: FlightModel
+    begin: Array  # (7,)
+    old: float  # rad/s, bank rate at its begin
+    new: float  # rad/s, at its end
+    time: float  # s
+    length: float  # s
+
+    def rate(self, passed: float) -> float:
+        """Bank rate (rad/s) `passed` seconds after the begin."""
+        return self.old + (self.new - self.old) * (passed / self.length)
+
+    def after(self, passed: float) -> Array:
+        """State (7,) then."""
+        before, after = np.array([self.old]), np.array([self.rate(passed)])
+        return _rk4(self.model, self.begin[:, None], before, after, self.time, passed)[:, 0]
+
+    def falls_to(self, row: int, level: float, high: float) -> float:
+        """Seconds after the begin at which a state has fallen to a level; it is below it at `high`."""
+        low, above = 0.0, float(self.begin[row]) - level
+        if above <= 0.0:
+            return 0.0
+        passed = high * above / (above + level - float(self.after(high)[row]))
         for step in range(SEARCH):
-            end = _rk4(model, begin, old, old + slope * (h / cycle), time, h)
-            excess = float(end[3, 0]) - target
-            if abs(excess) < SPEED_TOLERANCE:
+            excess = float(self.after(passed)[row]) - level
+            if abs(excess) < TOLERANCE[row]:
                 break
-            low, high = (h, high) if excess > 0.0 else (low, h)
-            secant = h * float((x[3, i] - target) / (x[3, i] - end[3, 0]))
+            low, high = (passed, high) if excess > 0.0 else (low, passed)
+            secant = passed * above / (above - excess)
             # every third step halves the bracket: the secant alone may creep
-            h = secant if low < secant < high and step % 3 < 2 else 0.5 * (low + high)
-        final[i], final_time[i] = end[:, 0], time + h
-        crashed = end[0, 0] < 0.0
-        status[i] = int(FlightStatus.GROUND if crashed else FlightStatus.REACHED_SPEED)
+            inside = low < secant < high and step % 3 < 2
+            passed = secant if inside else 0.5 * (low + high)
+        return passed
+
+
+def _end(step: _Step, target_speed: float, left: float) -> tuple[Array, float, FlightStatus]:
+    """How a flight ends in a step: its state, the time passed in the step, its status."""
+    passed, status = min(step.length, left), FlightStatus.TIME_LIMIT
+    end = step.after(passed)
+    if not np.all(np.isfinite(end)):
+        return np.full(7, np.nan), 0.0, FlightStatus.NOT_FINITE
+    for row, level, reached in (
+        (SPEED, target_speed, FlightStatus.REACHED_SPEED),
+        (ALTITUDE, 0.0, FlightStatus.GROUND),  # before the speed was reached
+    ):
+        if end[row] <= level if row == SPEED else end[row] < level:
+            passed, status = step.falls_to(row, level, passed), reached
+            end = step.after(passed)
+    return end, passed, status
 
 
 def _snapshot(

@@ -6,6 +6,7 @@ seed and on i alone: not on the number of flights, of workers, or on the order o
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import Enum
 
@@ -13,16 +14,44 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ampi.missions.mission import Mission
+from ampi.missions.parameters import Parameter
 
 Array = NDArray[np.float64]
 
 
 class Distribution(Enum):
-    """Shape of the dispersion over the half-widths of the hypercube."""
+    """Shape of the dispersion over the half-widths."""
 
     NORMAL = "normal"  # the half-width is 3σ: Eq. (34); some draws lie outside
-    UNIFORM = "uniform"  # over the hypercube
-    CORNERS = "corners"  # one of its 2^d vertices
+    UNIFORM = "uniform"  # between the half-widths on both sides of the centre
+    CORNERS = "corners"  # one of the 2^d vertices of that box
+
+
+def distribution_named(law: Distribution | str) -> Distribution:
+    """A distribution, or that of a name.
+
+    Raises
+    ------
+    ValueError
+        If there is none of that name.
+    """
+    try:
+        return Distribution(law)
+    except ValueError:
+        names = ", ".join(one.value for one in Distribution)
+        raise ValueError(f"distribution: expected one of {names}, got {law!r}") from None
+
+
+def require_count(n: int) -> None:
+    """Raise ValueError if this is no number of flights."""
+    if isinstance(n, bool) or not isinstance(n, int | np.integer) or n < 1:
+        raise ValueError(f"n: expected at least one flight, a whole number; got {n!r}")
+
+
+def require_seed(seed: int) -> None:
+    """Raise ValueError if this is no seed."""
+    if isinstance(seed, bool) or not isinstance(seed, int | np.integer) or seed < 0:
+        raise ValueError(f"seed: expected a whole number, 0 or greater, got {seed!r}")
 
 
 @dataclass(frozen=True)
@@ -30,46 +59,48 @@ class Dispersions:
     """Half-widths of the d parameters (SI, rad), their distribution, and where it is centred."""
 
     half_widths: tuple[float, ...]
-    distribution: Distribution = Distribution.NORMAL
-    centre: tuple[float, ...] | None = None  # offset from the nominal p; None: none
+    distribution: Distribution = Distribution.NORMAL  # or its name
+    centre: tuple[float, ...] | None = None  # offset from the nominal p (SI, rad); None: none
 
     def __post_init__(self) -> None:
-        widths = np.asarray(self.half_widths, dtype=float)
-        if widths.ndim != 1 or not np.all(np.isfinite(widths)) or np.any(widths < 0):
+        widths, centre = _numbers(self.half_widths), None
+        if self.centre is not None:
+            centre = _numbers(self.centre)
+        if widths is None or any(width < 0.0 for width in widths):
             raise ValueError(
                 "dispersions.half_widths: expected non-negative numbers, one per parameter, "
-                f"got {self.half_widths}"
+                f"got {self.half_widths!r}"
             )
-        if self.centre is not None and (
-            len(self.centre) != len(widths) or not np.all(np.isfinite(self.centre))
-        ):
+        if self.centre is not None and (centre is None or len(centre) != len(widths)):
             raise ValueError(
-                f"dispersions.centre: expected {len(widths)} finite offsets, got {self.centre}"
+                f"dispersions.centre: expected {len(widths)} finite offsets, got {self.centre!r}"
             )
+        object.__setattr__(self, "half_widths", widths)
+        object.__setattr__(self, "distribution", distribution_named(self.distribution))
+        object.__setattr__(self, "centre", centre)
 
     @classmethod
     def from_mission(
-        cls, mission: Mission, distribution: Distribution = Distribution.NORMAL
+        cls, mission: Mission, distribution: Distribution | str = Distribution.NORMAL
     ) -> Dispersions:
-        """The extent of the mission's parameter grid, Eq. (34) repeats Eq. (9), and its middle."""
-        ends = [(p.offsets[0], p.offsets[-1], p.number.per_unit) for p in mission.parameters]
-        return cls(
-            half_widths=tuple(0.5 * (high - low) * unit for low, high, unit in ends),
-            distribution=distribution,
-            centre=tuple(0.5 * (high + low) * unit for low, high, unit in ends),
-        )
+        """The extent of the mission's parameter grid: Eq. (34) repeats Eq. (9).
+
+        A normal distribution is centred on the nominal p, and 3σ is the farther end of each axis: on a
+        lopsided axis some draws lie beyond the nearer end. The others are of the grid's own box.
+        """
+        law = distribution_named(distribution)
+        ends = np.array([_ends(parameter) for parameter in mission.parameters]).reshape(-1, 2)
+        if law is Distribution.NORMAL:
+            return cls(tuple(np.abs(ends).max(axis=1, initial=0.0).tolist()), law)
+        middle, half = ends.mean(axis=1), 0.5 * np.diff(ends)[:, 0]
+        return cls(tuple(half.tolist()), law, tuple(middle.tolist()) if np.any(middle) else None)
 
     def draw(self, mission: Mission, n: int, seed: int) -> Array:
         """Parameters (n, d) of flights 0 … n − 1."""
-        if n < 1:
-            raise ValueError(f"n: expected at least one flight, got {n}")
+        require_count(n)
+        require_seed(seed)
+        self._require_size(mission)
         d = len(self.half_widths)
-        if d != len(mission.parameters):
-            names = ", ".join(parameter.name for parameter in mission.parameters)
-            raise ValueError(
-                f"dispersions.half_widths: expected {len(mission.parameters)} numbers "
-                f"for {names}, got {d}"
-            )
         offsets = np.empty((n, d))
         for i, child in enumerate(np.random.SeedSequence(seed).spawn(n)):
             rng = np.random.default_rng(child)
@@ -81,3 +112,44 @@ class Dispersions:
                 offsets[i] = rng.choice([-1.0, 1.0], d)
         centre = mission.nominal_parameters + np.array(self.centre or np.zeros(d))
         return np.asarray(centre + offsets * np.array(self.half_widths))
+
+    def in_words(self, mission: Mission) -> str:
+        """What is drawn, as offsets from the nominal numbers in the units of the mission's grid."""
+        self._require_size(mission)
+        parts = []
+        for parameter, width, middle in zip(
+            mission.parameters,
+            self.half_widths,
+            self.centre or [0.0] * len(self.half_widths),
+            strict=True,
+        ):
+            unit = parameter.number.per_unit
+            about = f"{middle / unit:+.4g} " if middle else ""
+            parts.append(f"{parameter.key} {about}± {width / unit:.4g}")
+        sigma = " (3σ)" if self.distribution is Distribution.NORMAL else ""
+        return f"{self.distribution.value}{sigma}: {', '.join(parts)}"
+
+    def _require_size(self, mission: Mission) -> None:
+        if len(self.half_widths) != len(mission.parameters):
+            names = ", ".join(parameter.name for parameter in mission.parameters)
+            raise ValueError(
+                f"dispersions.half_widths: expected {len(mission.parameters)} numbers "
+                f"for {names}, got {len(self.half_widths)}"
+            )
+
+
+def _ends(parameter: Parameter) -> tuple[float, float]:
+    """First and last offset of an axis (SI, rad)."""
+    unit = parameter.number.per_unit
+    return parameter.offsets[0] * unit, parameter.offsets[-1] * unit
+
+
+def _numbers(values: Sequence[float]) -> tuple[float, ...] | None:
+    """A vector of finite numbers as floats; None if it is something else."""
+    try:
+        array = np.asarray(values, dtype=float)
+    except (TypeError, ValueError):
+        return None
+    if array.ndim != 1 or isinstance(values, str) or not np.all(np.isfinite(array)):
+        return None
+    return tuple(array.tolist())

@@ -8,7 +8,9 @@ from __future__ import annotations
 
 import hashlib
 import zlib
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
+from concurrent.futures import Future
+from contextlib import closing
 from dataclasses import dataclass
 from io import BytesIO
 from lzma import LZMAError
@@ -17,11 +19,10 @@ from typing import Any
 from zipfile import BadZipFile
 
 import numpy as np
-from joblib import Parallel, delayed
 from numpy.typing import NDArray
-from threadpoolctl import threadpool_limits
 
 from ampi.guidance import Guidance
+from ampi.job import JobError, finished
 from ampi.missions.family import MissionFamily
 from ampi.missions.mission import Mission, mission_digest
 from ampi.missions.path_limits import KEPT
@@ -29,12 +30,18 @@ from ampi.onboard.reference import Mode
 from ampi.outputs import written
 from ampi.physics.planet import bearing, great_circle_distance
 from ampi.simulation.closed_loop import FlightBatch, FlightStatus, fly_batch
-from ampi.simulation.dispersions import Dispersions
+from ampi.simulation.dispersions import Dispersions, Distribution
+from ampi.supervisor import in_workers, require_workers
 
 Array = NDArray[np.float64]
 
 # what a few wrong bytes in an archive raise
 DAMAGED = (BadZipFile, LZMAError, zlib.error, OSError, EOFError, RuntimeError, MemoryError)
+SOURCES = {  # of what `fly` takes
+    "mission": "a mission, from ampi.load_mission(name)",
+    "guidance": "guidance, from ampi.load_guidance(path)",
+    "dispersions": "ampi.Dispersions, or None for those of the mission's grid",
+}
 DIGEST = "sha256"  # in a file of flights: of all else in it
 BATCH = 100  # flights; fixed, or the last bits would depend on the number of workers
 
@@ -47,7 +54,10 @@ class Flights:
     mission_sha256: str
     mode: Mode
     seed: int
+    cycle: float  # s, of guidance
     distribution: str
+    half_widths: Array  # (d,), of the dispersions; SI, rad
+    centre: Array  # (d,), of the dispersions, as offset from the nominal p
     parameters: Array  # (n, d), as drawn; SI, rad
     clipped: NDArray[np.bool_]  # (n,), outside the hypercube
     status: NDArray[np.int64]  # (n,), FlightStatus
@@ -75,6 +85,7 @@ class Flights:
         limits = len(self.limits)
         shapes: dict[str, tuple[int, ...]] = {
             "parameters": (n, d),
+            **dict.fromkeys(("half_widths", "centre"), (d,)),
             **dict.fromkeys(("clipped", "status", "final_time", "miss", "along", "across"), (n,)),
             **dict.fromkeys(("altitude_error", "speed_error"), (n,)),
             "final_states": (n, 7),
@@ -111,6 +122,13 @@ class Flights:
     def n(self) -> int:
         """Number of flights."""
         return len(self.miss)
+
+    @property
+    def dispersions(self) -> Dispersions:
+        """What the parameters were drawn from."""
+        return Dispersions(
+            tuple(self.half_widths), Distribution(self.distribution), tuple(self.centre)
+        )
 
     @property
     def reached(self) -> NDArray[np.bool_]:
@@ -205,10 +223,13 @@ def fly(
     *,
     seed: int = 2016,
     n_jobs: int = 2,
+    cycle: float | None = None,
     record_every: float = 5.0,
     advance: Callable[[int], None] | None = None,
 ) -> Flights:
     """Fly `n` dispersed entries in closed loop.
+
+    A worker process that dies costs nothing: its flights are flown again.
 
     Parameters
     ----------
@@ -217,13 +238,15 @@ def fly(
     guidance
         From `load_guidance`; `guidance.in_mode(...)` flies the same table in another mode.
     dispersions
-        None: those of the mission's grid, normal with 3σ at its edge (Eq. (34)).
+        None: those of the mission's grid, normal about the nominal with 3σ at its edge (Eq. (34)).
     n, seed
         Flights, and the seed of the campaign's SeedSequence.
     n_jobs
         Worker processes; the result does not depend on it.
+    cycle
+        Of guidance (s); None: that of `guidance`.
     record_every
-        Seconds between the recorded points of the histories.
+        Seconds between the recorded points of the histories, rounded to guidance cycles.
     advance
         Called with the number of flights just flown.
 
@@ -231,30 +254,113 @@ def fly(
     -------
     Flights
         Every flight, those that failed included with their status.
+
+    Raises
+    ------
+    ValueError
+        If an argument cannot be what it says.
+    JobError
+        If the worker processes die time and again.
     """
+    flown = fly_modes(
+        mission,
+        guidance,
+        None,
+        dispersions,
+        n,
+        seed=seed,
+        n_jobs=n_jobs,
+        cycle=cycle,
+        record_every=record_every,
+        advance=advance,
+    )
+    return next(iter(flown.values()))
+
+
+def fly_modes(
+    mission: Mission,
+    guidance: Guidance,
+    modes: Iterable[Mode | str] | None = None,
+    dispersions: Dispersions | None = None,
+    n: int = 1000,
+    *,
+    seed: int = 2016,
+    n_jobs: int = 2,
+    cycle: float | None = None,
+    record_every: float = 5.0,
+    advance: Callable[[int], None] | None = None,
+) -> dict[Mode, Flights]:
+    """`fly` in each of `modes`, all on the same draws and by the same worker processes.
+
+    `modes` are members of `Mode` or their names; None: that of `guidance`.
+    """
+    for name, value, kind in (
+        ("mission", mission, Mission),
+        ("guidance", guidance, Guidance),
+        ("dispersions", dispersions, Dispersions | None),
+    ):
+        if not isinstance(value, kind):
+            raise ValueError(f"{name}: expected {SOURCES[name]}, got {value!r:.60}")
     if guidance.mission_sha256 not in (None, mission_digest(mission)):
         raise ValueError(
             f"guidance: its database was built for another mission than {mission.name}; "
             "fly the mission of the database (read_dataset(path).mission), or build it anew"
         )
-    dispersions = dispersions or Dispersions.from_mission(mission)
+    require_workers(n_jobs)
+    if not isinstance(record_every, int | float) or not 0.0 < record_every < np.inf:
+        raise ValueError(
+            f"record_every: expected a positive number of seconds, got {record_every!r}"
+        )
+    if dispersions is None:
+        dispersions = Dispersions.from_mission(mission)
     draws = dispersions.draw(mission, n, seed)
-    chunks = [draws[i : i + BATCH] for i in range(0, n, BATCH)]
-    batches: list[FlightBatch] = []
-    with Parallel(n_jobs=min(n_jobs, len(chunks)), return_as="generator") as pool:
-        tasks = (delayed(_fly_chunk)(mission, guidance, c, record_every) for c in chunks)
-        for chunk, batch in zip(chunks, pool(tasks), strict=True):
-            batches.append(batch)
-            if advance is not None:
-                advance(len(chunk))
-    return _assemble(mission, guidance, dispersions, seed, draws, batches)
+    guidance = guidance.at_cycle(guidance.cycle if cycle is None else cycle)
+    chosen = [guidance.mode] if modes is None else modes
+    flying = {guide.mode: guide for guide in map(guidance.in_mode, chosen)}
+    firsts = range(0, n, BATCH)
+    jobs = [
+        Batch(mission, guide, draws[i : i + BATCH], record_every, i)
+        for guide in flying.values()
+        for i in firsts
+    ]
+    notify = advance or (lambda count: None)
+    found: dict[Mode, Flights] = {}
+    with closing(in_workers(__name__, jobs, n_jobs)) as results:
+        for mode, guide in flying.items():
+            batches = []
+            for _ in firsts:
+                batches.append(next(results))
+                notify(len(batches[-1].status))
+            found[mode] = _assemble(mission, guide, dispersions, seed, draws, batches)
+    return found
 
 
-def _fly_chunk(
-    mission: Mission, guidance: Guidance, draws: Array, record_every: float
-) -> FlightBatch:
-    with threadpool_limits(limits=1):
-        return fly_batch(mission.family(draws), guidance, draws, record_every)
+@dataclass(frozen=True, eq=False)
+class Batch:
+    """Flights that are flown together, as a job (ampi.job); flown again it is the same flights."""
+
+    mission: Mission
+    guidance: Guidance
+    draws: Array  # (b, d)
+    record_every: float  # s
+    first: int  # number of its first flight
+
+    def compute(self, announce: Callable[[int], None]) -> Future[FlightBatch]:
+        """Fly them."""
+        announce(0)
+        family = self.mission.family(self.draws)
+        return finished(fly_batch(family, self.guidance, self.draws, self.record_every))
+
+    def without(self, attempt: int) -> Batch:
+        """There is one way to fly them."""
+        return self
+
+    def give_up(self, reason: str) -> FlightBatch:
+        """There is no campaign without them."""
+        raise JobError(
+            f"flights {self.first} to {self.first + len(self.draws) - 1} in mode "
+            f"{self.guidance.mode.value}: {reason} If the memory was short, try fewer worker processes"
+        )
 
 
 def _assemble(
@@ -288,7 +394,10 @@ def _assemble(
         mission_sha256=mission_digest(mission),
         mode=guidance.mode,
         seed=seed,
+        cycle=guidance.cycle,
         distribution=dispersions.distribution.value,
+        half_widths=np.array(dispersions.half_widths),
+        centre=np.array(dispersions.centre or np.zeros(draws.shape[1])),
         parameters=draws,
         clipped=np.concatenate([b.clipped for b in batches]),
         status=np.concatenate([b.status for b in batches]),

@@ -10,10 +10,11 @@ import pytest
 
 import database
 from ampi.dataset import DatasetError, partial_folder, read_dataset
+from ampi.job import JobError
 from ampi.loading import load_guidance
 from ampi.missions.mission import Mission, load_mission, parse_mission
 from ampi.trajectory import Status, Trajectory
-from database.campaign import BuildError, Campaign, JobError
+from database.campaign import BuildError, Campaign
 from database.continuation import layers
 from database.grid import Grid
 from database.jobs import SolveCase

@@ -15,14 +15,15 @@ import pytest
 
 import database
 from ampi.dataset import partial_folder
+from ampi.job import JobError
 from ampi.missions.mission import Mission, parse_mission
+from ampi.software import software
 from ampi.trajectory import Status
-from database.campaign import BuildError, Campaign, JobError
+from database.campaign import BuildError, Campaign
 from database.continuation import layers
 from database.engines import ClusterEngine
 from database.grid import Grid
 from database.jobs import SolveCase
-from database.provenance import software
 from database.records import record_path
 
 distributed = pytest.importorskip("distributed")
@@ -94,7 +95,7 @@ def test_a_worker_with_other_software_is_named(
     versions = {**software(), "casadi_version": "2.0"}
     monkeypatch.setattr("database.engines.software", lambda: versions)
     with pytest.raises(
-        BuildError, match=r"a worker of the cluster has casadi_version .*build 2\.0"
+        BuildError, match=r"a worker of the cluster has casadi_version .*process 2\.0"
     ):
         database.build(small_mission, tmp_path / "a.h5", client=client)
 

@@ -16,8 +16,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from ampi.file_sink import FileSink
+from ampi.job import JobError
 from database.blocks import BLOCK_CASES, blocks, blocks_at
-from database.campaign import JobError
 from database.hdf5_file import _copy_block, decoded_block, encoded_block
 from database.jobs import Job
 from database.schedule import LEAST_FORESIGHT, Task, run_jobs

@@ -129,12 +129,22 @@ def test_guide_flags_an_entry_outside(folder: Path) -> None:
 
 
 def test_fly_and_report(folder: Path) -> None:
-    told = run("fly", "small.h5", "-n", "20", "--output", "flights.npz", cwd=folder).stdout
+    kept = ("--output", "flights.npz", "--csv", "flights.csv")
+    told = run("fly", "small.h5", "-n", "20", *kept, cwd=folder).stdout
     assert "25 km" in told
+    drawn = "normal (3σ): speed_m_per_s ± 70, flight_path_angle_deg ± 0.5"
+    assert f"Offsets from the nominal, {drawn}" in unwrapped(told)
+    rows = (folder / "flights.csv").read_text(encoding="utf-8").splitlines()
+    assert len(rows) == 1 + 4 * 20
+    assert rows[0].startswith("campaign,flight,speed_m_per_s,flight_path_angle_deg,outside_")
     numbers = json.loads(
         run("fly", "small.h5", "-n", "20", "--modes", "ampi", "--json", cwd=folder).stdout
     )
     assert numbers["ampi"]["n"] == 20
+    assert numbers["ampi"]["drawn"] == drawn
+    ours = [row.split(",") for row in rows if row.startswith("ampi,")]
+    passed = sum(row[rows[0].split(",").index("passed")] == "yes" for row in ours)
+    assert numbers["ampi"]["passed"]["count"] == passed > 0
     assert numbers["ampi"]["footprint_ratio"] is None  # nothing to compare with
     run("report", "small.h5", "flights.npz", "--output", "report.html", cwd=folder)
     page = (folder / "report.html").read_text(encoding="utf-8")

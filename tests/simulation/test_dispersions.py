@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -129,18 +131,26 @@ def test_the_missions_grid_is_eq_34(shefex3: Mission, mission: Mission) -> None:
 
 @pytest.mark.parametrize(
     "widths",
-    [(1.0, 1.0, -1.0, 1.0, 1.0, 1.0), (1.0, np.nan, 1.0, 1.0, 1.0, 1.0), ((1.0,),)],
+    [
+        (1.0, 1.0, -1.0, 1.0, 1.0, 1.0),
+        (1.0, np.nan, 1.0, 1.0, 1.0, 1.0),
+        ((1.0,),),
+        "narrow",
+        3.0,
+        ("1 km",),
+        (1.0, (2.0, 3.0)),
+    ],
 )
-def test_bad_half_widths_are_refused(widths: tuple[float, ...]) -> None:
+def test_bad_half_widths_are_refused(widths: Any) -> None:
     with pytest.raises(
         ValueError, match="half_widths: expected non-negative numbers, one per parameter"
     ):
         Dispersions(widths)
 
 
-@pytest.mark.parametrize("n", [0, -3])
-def test_no_flights_are_refused(shefex3: Mission, n: int) -> None:
-    with pytest.raises(ValueError, match=f"n: expected at least one flight, got {n}"):
+@pytest.mark.parametrize("n", [0, -3, 1.5, True, "ten"])
+def test_no_flights_are_refused(shefex3: Mission, n: Any) -> None:
+    with pytest.raises(ValueError, match=f"n: expected at least one flight, .* got {n!r}"):
         Dispersions.from_mission(shefex3).draw(shefex3, n, 1)
 
 
@@ -167,7 +177,45 @@ def test_a_lopsided_grid_is_filled_and_not_left(shefex3: Mission) -> None:
     )
 
 
-@pytest.mark.parametrize("centre", [(1.0,), (1.0, np.nan)])
-def test_a_bad_centre_is_refused(centre: tuple[float, ...]) -> None:
+@pytest.mark.parametrize("centre", [(1.0,), (1.0, np.nan), "ab", 1.0])
+def test_a_bad_centre_is_refused(centre: Any) -> None:
     with pytest.raises(ValueError, match=r"dispersions\.centre: expected 2 finite offsets"):
         Dispersions((1.0, 1.0), centre=centre)
+
+
+@pytest.mark.parametrize("seed", [-1, 1.5, True, None])
+def test_what_is_no_seed_is_refused(shefex3: Mission, seed: Any) -> None:
+    with pytest.raises(
+        ValueError, match=f"seed: expected a whole number, 0 or greater, got {seed}"
+    ):
+        Dispersions.from_mission(shefex3).draw(shefex3, 1, seed)
+
+
+def test_a_distribution_goes_by_its_name(shefex3: Mission) -> None:
+    """A string that was taken for none of the members drew corners."""
+    for law in Distribution:
+        named = Dispersions(tuple(EQ_34), law.value)
+        assert named == Dispersions(tuple(EQ_34), law)
+        assert Dispersions.from_mission(shefex3, law.value).distribution is law
+    with pytest.raises(ValueError, match="one of normal, uniform, corners, got 'cauchy'"):
+        Dispersions((1.0,), "cauchy")
+
+
+def test_a_normal_distribution_is_centred_on_the_nominal(shefex3: Mission) -> None:
+    """On axes that hold one side only, three standard deviations are the far end."""
+    text = shefex3.toml[: shefex3.toml.index("[grid]")]
+    lopsided = parse_mission(
+        text + "[grid]\nspeed_m_per_s = [0.0, 70.0]\ndensity_factor = [-0.1, 0.0, 0.05]\n"
+    )
+    dispersions = Dispersions.from_mission(lopsided)
+    drawn = dispersions.draw(lopsided, 4000, 8)
+    offsets = (drawn - lopsided.nominal_parameters) / [70.0, 0.1]
+    assert offsets.mean(axis=0) == pytest.approx(0.0, abs=0.02)
+    assert offsets.std(axis=0) == pytest.approx(1.0 / 3.0, abs=0.015)
+    assert dispersions.in_words(lopsided) == (
+        "normal (3σ): speed_m_per_s ± 70, density_factor ± 0.1"
+    )
+    box = Dispersions.from_mission(lopsided, "uniform")
+    assert box.in_words(lopsided) == (
+        "uniform: speed_m_per_s +35 ± 35, density_factor -0.025 ± 0.075"
+    )

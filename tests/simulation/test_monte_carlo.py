@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import fields
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -128,10 +129,54 @@ def test_modes_fly_the_same_draws(mission: Mission, guidance: Guidance) -> None:
     assert not flown[Mode.NOMINAL].clipped.any()
 
 
+def test_flights_are_flown_at_the_cycle_that_is_asked_for(
+    mission: Mission, guidance: Guidance
+) -> None:
+    every = fly(mission, guidance, n=3, n_jobs=1, cycle=2.0, record_every=0.1)
+    assert every.cycle == 2.0
+    assert np.all(np.diff(every.times) == 2.0)  # the record follows the cycle
+    slopes = np.diff(every.bank_rate, axis=1) / 2.0
+    limit = mission.limits.bank_acceleration
+    assert np.nanmax(np.abs(slopes)) <= limit * (1 + 1e-9)
+    assert every.reached.all()
+    assert guidance.cycle == 0.5
+    assert not np.array_equal(every.miss, fly(mission, guidance, n=3, n_jobs=1).miss)
+
+
 def test_progress_counts_every_flight_once(mission: Mission, guidance: Guidance) -> None:
     seen: list[int] = []
     fly(mission, guidance, n=N, seed=5, n_jobs=2, record_every=1e3, advance=seen.append)
     assert seen == [BATCH, BATCH, N - 2 * BATCH]
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"n": 0}, "n: expected at least one flight, a whole number; got 0"),
+        ({"n": 1.5}, r"n: expected at least one flight, a whole number; got 1\.5"),
+        ({"n": True}, "n: expected at least one flight, a whole number; got True"),
+        ({"seed": -1}, "seed: expected a whole number, 0 or greater, got -1"),
+        ({"seed": 1.5}, r"seed: expected a whole number, 0 or greater, got 1\.5"),
+        ({"n_jobs": 0}, "n_jobs: expected at least 1 worker process, got 0"),
+        ({"cycle": 0.0}, "cycle: expected"),
+        ({"record_every": -5}, "record_every: expected a positive number of seconds, got -5"),
+        ({"record_every": float("nan")}, "record_every: expected a positive number .* got nan"),
+        ({"record_every": "often"}, "record_every: expected a positive number .* got 'often'"),
+        ({"mission": "shefex3"}, "mission: expected a mission, from ampi.load_mission.*'shefex3'"),
+        ({"guidance": "small.h5"}, "guidance: expected guidance, from ampi.load_guidance.*small"),
+        ({"dispersions": "normal"}, "dispersions: expected ampi.Dispersions, or None .*'normal'"),
+        ({"dispersions": Dispersions((1.0,) * 3)}, "expected 2 numbers for speed, .*, got 3"),
+    ],
+)
+def test_misuse_is_one_sentence_before_anything_flies(
+    mission: Mission, guidance: Guidance, options: dict[str, Any], message: str
+) -> None:
+    flown: list[int] = []
+    arguments = {"mission": mission, "guidance": guidance, "n": 3, "n_jobs": 1, **options}
+    with pytest.raises(ValueError, match=message) as told:
+        fly(**arguments, advance=flown.append)
+    assert not flown
+    assert "\n" not in str(told.value)
 
 
 # --- flights that fail ----------------------------------------------------------------------------

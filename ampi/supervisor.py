@@ -2,12 +2,12 @@
 
 A worker that dies takes its job with it and nothing else. What ended it decides what comes next:
 
-- the alarm of database.attempts.stopped_after: the attempt under way has exceeded its time limit; it is
-  begun once more, for the process may have been stopped meanwhile; if it is overdue again, the same job
-  runs without that attempt, and its record says so;
+- the alarm that a job has set (database.attempts.stopped_after): the attempt under way has exceeded its
+  time limit; it is begun once more, for the process may have been stopped meanwhile; if it is overdue
+  again, the job runs without that attempt;
 - anything else (a crash in native code, the kernel short of memory, an operator): the same job runs
   again as it was, because its result must not depend on accidents; after `DEATHS` of them the job
-  itself is held to be the cause, and its record says that.
+  itself is held to be the cause, and gives up.
 
 A worker leads a process group of its own: what its job has started ends with it.
 
@@ -21,6 +21,7 @@ being flushed runs again; it was not the cause.
 from __future__ import annotations
 
 import math
+import operator
 import os
 import pickle
 import queue
@@ -28,16 +29,21 @@ import signal
 import subprocess
 import sys
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Generator, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from functools import partial
 from itertools import count
 from pathlib import Path
+from typing import Any, TypeVar
 
-from database.campaign import JobError
-from database.jobs import Job
-from database.provenance import require_same, software
-from database.worker import START, Began, Computed, Kept, Message, Raised, Ready
+from threadpoolctl import threadpool_limits
+
+from ampi.job import Job, JobError
+from ampi.software import require_same, software
+from ampi.worker import START, Began, Computed, Done, Message, Raised, Ready
+
+Result = TypeVar("Result")
 
 DEATHS = 3
 OVERDUE = 2  # times that an attempt may exceed its time limit
@@ -55,7 +61,7 @@ SETTINGS = {
 # the supervisor decides what an interrupt means, from the first import on
 _COMMAND = (
     "import signal; signal.signal(signal.SIGINT, signal.SIG_IGN); "
-    "import gc; gc.disable(); from database.worker import main; gc.freeze(); gc.enable(); main()"
+    "import gc; gc.disable(); from ampi.worker import main; main({module!r})"
 )
 
 
@@ -82,10 +88,11 @@ class WorkerLost(Exception):  # noqa: N818 - an event of normal operation, not a
 class Worker:
     """One worker process, the two pipes to it, and a thread that sorts its messages by job."""
 
-    def __init__(self) -> None:
+    def __init__(self, module: str) -> None:
         paths = [str(Path(p).resolve()) for p in sys.path]
         self.process = subprocess.Popen(
-            [sys.executable, "-P", "-c", _COMMAND],  # what lies in the present folder is not ours
+            # -P: what lies in the present folder is not ours
+            [sys.executable, "-P", "-c", _COMMAND.format(module=module)],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             start_new_session=True,
@@ -114,15 +121,15 @@ class Worker:
             raise JobError("worker: its first message was not that it is ready")
         require_same(first.software, "a new worker process", software())
 
-    def run(self, job: Job, free: Callable[[], None]) -> None:
-        """Until the job's result is kept; calls `free` once the next job may be sent.
+    def run(self, job: Job[Result], free: Callable[[], None]) -> Result:
+        """The job's result; calls `free` once the next job may be sent.
 
         Raises
         ------
         WorkerLost
             If the process ended before.
         OSError, JobError
-            If the job could not keep its result.
+            If the job has no result.
         """
         number = next(self._numbers)
         attempt, computed = -1, False
@@ -138,11 +145,17 @@ class Worker:
                     free()
                 elif isinstance(message, Raised):
                     raise message.error
-                elif isinstance(message, Kept):
-                    return
+                elif isinstance(message, Done):
+                    result: Result = message.result
+                    return result
         finally:
             with self._lock:
                 del self._inboxes[number]
+
+    def kill(self) -> None:
+        """End it and what its job has started, at once."""
+        with suppress(ProcessLookupError, PermissionError):
+            os.killpg(self.process.pid, signal.SIGKILL)
 
     def stop(self) -> int:
         """End it, if it has not ended by itself; its exit status."""
@@ -155,7 +168,7 @@ class Worker:
             self.process.kill()
             return self.process.wait()
 
-    def _send(self, number: int, job: Job) -> None:
+    def _send(self, number: int, job: Job[Any]) -> None:
         assert self.process.stdin is not None
         try:
             pickle.dump((number, pickle.dumps(job)), self.process.stdin)
@@ -178,8 +191,7 @@ class Worker:
     def _clear_away(self) -> None:
         """When it has ended, end what it has left: children hold its pipe, and `_listen` would wait."""
         self.process.wait()
-        with suppress(ProcessLookupError, PermissionError):
-            os.killpg(self.process.pid, signal.SIGKILL)
+        self.kill()
 
     def _listen(self) -> None:
         """Until the worker's end of file, or half a message; whatever ends it, nobody waits on."""
@@ -197,22 +209,25 @@ class Worker:
 
 
 class Supervisor:
-    """Workers, started as they are needed and replaced as they die. Safe to use from threads."""
+    """Workers, started as they are needed and replaced as they die. Safe to use from threads.
 
-    def __init__(self, most: float = math.inf) -> None:
-        self._most = most  # workers
+    There are `most` at the most; each imports `module`, which its jobs need, when it starts.
+    """
+
+    def __init__(self, module: str, most: float = math.inf) -> None:
+        self._module, self._most = module, most
         self._free: list[Worker] = []
         self._alive: set[Worker] = set()
         self._changed = threading.Condition()
         self._closed = False
 
-    def run(self, job: Job) -> None:
-        """Run a job until its result is kept, whatever happens to the workers."""
+    def run(self, job: Job[Result]) -> Result:
+        """The result of a job, whatever happens to the workers."""
         deaths, misfortunes, overdue = 0, 0, list[int]()
         while True:
             worker = self._take()
             try:
-                worker.run(job, partial(self._release, worker))
+                return worker.run(job, partial(self._release, worker))
             except WorkerLost as lost:
                 self._forget(worker)
                 if self._closed:
@@ -227,10 +242,9 @@ class Supervisor:
                     deaths += 1
                 for times, most in ((deaths, DEATHS), (misfortunes, MISFORTUNES)):
                     if times == most:
-                        job.give_up(f"Its worker process died {times} times, by {lost.cause}.")
-                        return
-            else:
-                return
+                        return job.give_up(
+                            f"Its worker process died {times} times, by {lost.cause}."
+                        )
 
     def start_worker(self) -> None:
         """Have one more worker ready; if it cannot start, the first job will say why."""
@@ -246,7 +260,7 @@ class Supervisor:
             workers = list(self._alive)
             self._changed.notify_all()
         for worker in workers:
-            worker.process.kill()
+            worker.kill()
         for worker in workers:
             worker.stop()
 
@@ -278,7 +292,7 @@ class Supervisor:
 
     def _hired(self) -> Worker:
         """A new process; to be called with the lock, so that there are never more than `most`."""
-        worker = Worker()
+        worker = Worker(self._module)
         self._alive.add(worker)
         if self._closed:
             worker.process.kill()
@@ -310,3 +324,44 @@ class Supervisor:
             f"worker: died {DEATHS} times before its first job, by {cause.cause}; "
             "what it printed on standard error says why"
         )
+
+
+def require_workers(n_jobs: int) -> None:
+    """Raise ValueError if this is no number of worker processes."""
+    try:
+        count = 0 if isinstance(n_jobs, bool) else operator.index(n_jobs)
+    except TypeError:
+        count = 0
+    if count < 1:
+        raise ValueError(f"n_jobs: expected at least 1 worker process, got {n_jobs!r}")
+
+
+def in_workers(
+    module: str, jobs: Sequence[Job[Result]], n_jobs: int
+) -> Generator[Result, None, None]:
+    """The results of `jobs` in their order; `module` is what they need.
+
+    One worker would have to be waited for, and this process is there: it runs the jobs itself.
+
+    Raises
+    ------
+    JobError, OSError
+        If a job has no result; the workers end, as whenever the iterator is closed.
+    """
+    require_workers(n_jobs)
+    most = min(n_jobs, len(jobs))
+    if most <= 1:
+        for job in jobs:
+            with threadpool_limits(limits=1):  # as in a worker, or the last bits would differ
+                result = job.compute(lambda attempt: None).result()
+            yield result
+        return
+    supervisor = Supervisor(module, most)
+    threads = ThreadPoolExecutor(2 * most)  # a job is on its way while another one is computed
+    try:
+        for future in [threads.submit(supervisor.run, job) for job in jobs]:
+            yield future.result()
+    finally:
+        threads.shutdown(wait=False, cancel_futures=True)
+        supervisor.close()
+        threads.shutdown()

@@ -1,11 +1,12 @@
-"""A worker process: takes jobs on its standard input, one at a time (database.supervisor starts it).
+"""A worker process: takes jobs on its standard input, one at a time (ampi.supervisor starts it).
 
 Messages are pickles on the two pipes that its supervisor holds, each with the number of its job:
 
     supervisor → worker    number, Job
-    worker → supervisor    number, Ready(software) | Began(attempt) | Computed | Kept | Raised(error)
+    worker → supervisor    number, Ready(software) | Began(attempt) | Computed | Done(result)
+                                   | Raised(error)
 
-Between Computed and Kept a result is on its way to the disk, and the next job may come.
+Between Computed and Done a result may be on its way to the disk, and the next job may come.
 
 A process of its own, and not a thread or a fork: native code may crash or hang, and then the kernel
 ends the process and nothing else. Started as a command, it needs neither a guarded main module nor the
@@ -14,6 +15,7 @@ permission to have children that daemonic processes lack.
 
 from __future__ import annotations
 
+import gc
 import os
 import pickle
 import queue
@@ -25,11 +27,11 @@ from collections.abc import Mapping
 from concurrent.futures import Future
 from dataclasses import dataclass
 from functools import partial
-from typing import IO
+from importlib import import_module
+from typing import IO, Any
 
-from database.campaign import JobError
-from database.jobs import Job
-from database.provenance import software
+from ampi.job import Job, JobError
+from ampi.software import software
 
 
 @dataclass(frozen=True)
@@ -52,23 +54,31 @@ class Computed:
 
 
 @dataclass(frozen=True)
-class Kept:
-    """The job's result is on disk."""
+class Done:
+    """The job's result; None if it is on disk."""
+
+    result: Any
 
 
 @dataclass(frozen=True)
 class Raised:
-    """The job could not keep a result."""
+    """The job has no result."""
 
     error: Exception
 
 
-Message = Ready | Began | Computed | Kept | Raised
+Message = Ready | Began | Computed | Done | Raised
 START = -1  # in place of a job's number
 
 
-def main() -> None:
-    """Serve until the supervisor closes the pipe or dies."""
+def main(module: str) -> None:
+    """Serve until the supervisor closes the pipe or dies; `module` is what its jobs need.
+
+    The module is imported while the supervisor still plans, not when the first job comes.
+    """
+    import_module(module)
+    gc.freeze()
+    gc.enable()
     signal.signal(signal.SIGALRM, signal.SIG_DFL)  # its parent may ignore it: no time limit then
     signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGALRM})
     replies, talking = os.fdopen(os.dup(1), "wb"), threading.Lock()
@@ -87,26 +97,26 @@ def main() -> None:
     def began(number: int, attempt: int) -> None:
         send(number, Began(attempt))
 
-    def kept(number: int, keeping: Future[None]) -> None:
-        error = keeping.exception()
-        send(number, Kept() if error is None else _raised(error))
+    def done(number: int, future: Future[Any]) -> None:
+        error = future.exception()
+        send(number, Done(future.result()) if error is None else _raised(error))
 
     send(START, Ready(software()))
     while True:
         number, job = jobs.get()
         try:
-            keeping = _read(job).compute(partial(began, number))
+            future = _read(job).compute(partial(began, number))
         except Exception as error:
             send(number, Computed())
             send(number, _raised(error))
         else:
             send(number, Computed())
-            keeping.add_done_callback(partial(kept, number))
+            future.add_done_callback(partial(done, number))
 
 
-def _read(job: bytes) -> Job:
+def _read(job: bytes) -> Job[Any]:
     try:
-        found: Job = pickle.loads(job)
+        found: Job[Any] = pickle.loads(job)
     except Exception:  # a name that this process does not have
         traceback.print_exc()
         raise JobError("a worker cannot read its job: is its solver in a module?") from None

@@ -1,0 +1,56 @@
+"""Flights as CSV: every number of every flight, in the units of the header."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from ampi.missions.mission import Mission, mission_digest
+from ampi.onboard.reference import Mode
+from ampi.simulation.closed_loop import FlightStatus
+from ampi.simulation.flights_csv import write_flights_csv
+from ampi.simulation.monte_carlo import Flights
+
+FlightMaker = Callable[..., Flights]
+
+
+def test_each_flight_of_each_campaign_is_a_row(
+    shefex3: Mission, make_flights: FlightMaker, tmp_path: Path
+) -> None:
+    sha256 = mission_digest(shefex3)
+    status = np.array([0, 1, 0, 0])
+    miss = np.array([10.0, np.nan, 30e3, 40.0])
+    common = {"status": status, "miss": miss, "mission_sha256": sha256}
+    campaigns = {mode.value: make_flights(4, mode=mode, **common) for mode in (Mode.AMPI, Mode.MPI)}
+    path = tmp_path / "flights.csv"
+    write_flights_csv(path, shefex3, campaigns)
+    with path.open(newline="", encoding="utf-8") as file:
+        rows = list(csv.DictReader(file))
+    assert [(row["campaign"], row["flight"]) for row in rows] == [
+        (name, str(i)) for name in campaigns for i in range(4)
+    ]
+    for name, flights in campaigns.items():
+        own = [row for row in rows if row["campaign"] == name]
+        for i, row in enumerate(own):
+            assert float(row["azimuth_deg"]) == pytest.approx(np.degrees(flights.parameters[i, 5]))
+            assert float(row["altitude_m"]) == pytest.approx(flights.parameters[i, 0])
+            assert float(row["miss_m"]) == pytest.approx(flights.miss[i], nan_ok=True)
+            assert float(row["peak_load_factor_over_limit"]) == pytest.approx(flights.peak[i, 2])
+            assert row["status"] == FlightStatus(flights.status[i]).name
+            assert row["passed"] == ("yes" if flights.passed[i] else "no")
+            assert (row["failed_by"] == "") == flights.passed[i]
+            assert row["outside_hypercube"] == ("yes" if flights.clipped[i] else "no")
+        assert own[1]["failed_by"].split(";")[:2] == ["target_speed_not_reached", "position"]
+        assert "position" in own[2]["failed_by"].split(";")
+
+
+def test_flights_of_another_mission_are_refused(
+    shefex3: Mission, make_flights: FlightMaker, tmp_path: Path
+) -> None:
+    with pytest.raises(ValueError, match="expected flights of shefex3, got ampi of synthetic"):
+        write_flights_csv(tmp_path / "a.csv", shefex3, {"ampi": make_flights(3)})
+    assert not list(tmp_path.iterdir())
