@@ -688,9 +688,8 @@ def guide(
     outside = [name for name, c in zip(names, reference.clipped, strict=True) if c]
     excess = {name: share for name, share in zip(names, reference.excess, strict=True) if share > 0}
     for name, share in excess.items():
-        error_out.print(
-            f"warning: {name} lies outside the hypercube by {100 * share:.3g} % of its axis' range"
-        )
+        by = np.format_float_positional(100 * share, precision=3, fractional=False, trim="-")
+        error_out.print(f"warning: {name} lies outside the hypercube by {by} % of its axis' range")
     if reference.health >= Health.HOLE_REFERENCE:
         error_out.print(f"warning: {reference.health}: {reference.health.sentence}")
     if as_json:
