@@ -18,7 +18,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from concurrent.futures import Future
 from contextlib import closing
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
@@ -50,7 +50,6 @@ PORTION = 4  # random points that are solved one after the other in a process
 PERCENTILE = 90.0
 COLUMNS = ("altitude_m", "speed_m_per_s", "bank_deg", "final_time_s", "open_loop_miss_km")
 MODES = (Mode.MPI, Mode.AMPI, Mode.QUADRATIC)
-POINTS = {Mode.AMPI: 2, Mode.QUADRATIC: 3}  # of an axis; MPI takes its ends
 
 
 @dataclass(frozen=True)
@@ -216,13 +215,13 @@ def _probe(
     low = np.array([axis[0] for axis in dataset.axes])
     high = np.array([axis[-1] for axis in dataset.axes])
     points = rng.uniform(low, high, size=(probes, len(low)))
-    table, solved = guidance_table(_holes_filled(dataset)), dataset.solved
+    table = guidance_table(dataset, "fly")
     ampi = ReferenceGenerator(table, Mode.AMPI)
-    whole = [p for p in points if _is_whole(solved, Mode.AMPI, ampi.reference(p).cell)]
+    whole = [p for p in points if not ampi.reference(p).hole]
     notify(len(points) - len(whole))
     found: list[dict[str, Array]] = []
     jobs = [
-        Probes(dataset.mission, table, solved, whole[k : k + PORTION])
+        Probes(dataset.mission, table, whole[k : k + PORTION])
         for k in range(0, len(whole), PORTION)
     ]
     with closing(in_workers(__name__, jobs, n_jobs)) as results:
@@ -236,43 +235,18 @@ def _probe(
     return _Probed(errors, len(whole) - len(found), len(points) - len(whole))
 
 
-def _holes_filled(dataset: TrajectoryDataset) -> TrajectoryDataset:
-    """With the nominal case where there is none: a table that can be looked into, not flown."""
-    if dataset.solved.all():
-        return dataset
-    centre = Grid.from_mission(dataset.mission).centre
-    arrays = {}
-    for name in ("states", "bank_rate", "gains", "final_time"):
-        values = getattr(dataset, name).copy()
-        values[~dataset.solved] = values[centre]
-        arrays[name] = values
-    return replace(dataset, **arrays, status=np.full_like(dataset.status, int(Status.SOLVED)))
-
-
-def _is_whole(solved: NDArray[np.bool_], mode: Mode, cell: tuple[int, ...]) -> bool:
-    """Whether all cases that a mode uses from this first grid index on have a solution."""
-    if mode is Mode.MPI:
-        used = [slice(None, None, max(1, n - 1)) for n in solved.shape]
-    else:
-        used = [slice(first, first + POINTS[mode]) for first in cell]
-    return bool(solved[tuple(used)].all())
-
-
 @dataclass(frozen=True, eq=False)
 class Probes:
     """Some random points, as a job (ampi.job): the table travels once for all of them."""
 
     mission: Mission
     table: GuidanceTable
-    solved: NDArray[np.bool_]
     points: list[Array]
 
     def compute(self, announce: Callable[[int], None]) -> Future[list[dict[str, Array] | None]]:
         """Solve the problem at each."""
         announce(0)
-        return finished(
-            [_probe_point(self.mission, self.table, self.solved, p) for p in self.points]
-        )
+        return finished([_probe_point(self.mission, self.table, p) for p in self.points])
 
     def without(self, attempt: int) -> Probes:
         """There is one way only."""
@@ -283,9 +257,7 @@ class Probes:
         raise JobError(f"{len(self.points)} random points could not be solved: {reason}")
 
 
-def _probe_point(
-    mission: Mission, table: GuidanceTable, solved: NDArray[np.bool_], point: Array
-) -> dict[str, Array] | None:
+def _probe_point(mission: Mission, table: GuidanceTable, point: Array) -> dict[str, Array] | None:
     """Errors of every mode at one point; None if the problem there could not be solved."""
     here = mission.with_parameters(point)
     states, rate, final_time = nodal_reference(table, Mode.AMPI, point)
@@ -298,9 +270,9 @@ def _probe_point(
         generator = ReferenceGenerator(table, mode)
         made = generator.reference(point)
         errors[mode.value] = (
-            _errors(here, truth, generator.nodal_values[STATE_ROWS], made.final_time)
-            if _is_whole(solved, mode, made.cell)
-            else np.full(len(COLUMNS), np.nan)
+            np.full(len(COLUMNS), np.nan)
+            if made.hole
+            else _errors(here, truth, generator.nodal_values[STATE_ROWS], made.final_time)
         )
     return errors
 
