@@ -13,7 +13,7 @@ from contextlib import contextmanager
 from dataclasses import asdict
 from pathlib import Path
 from types import FrameType
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import joblib
 import numpy as np
@@ -50,6 +50,9 @@ Force = Annotated[bool, typer.Option("--force", help="Replace a file that is alr
 MissionArgument = Annotated[str, typer.Argument(help="Name of a shipped mission, or a .toml file.")]
 STOPPING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 DatabaseArgument = Annotated[Path, typer.Argument(help="Trajectory database (.h5).")]
+HolesOption = Annotated[
+    str, typer.Option("--holes", help="Of a database with unsolved cases: refuse it, or fly it.")
+]
 CORES = joblib.cpu_count()  # those that this process may use
 MOST_CASES = 12  # numbers of cases in a printed line; --json has them all
 
@@ -264,53 +267,90 @@ def build(
         float | None,
         typer.Option(help="Of one solve (s); then the case is tried along another path."),
     ] = None,
+    yes: Annotated[
+        bool, typer.Option("--yes", help="Build a large grid without being asked.")
+    ] = False,
     as_json: Json = False,
 ) -> None:
-    """Solve a mission's whole grid and write the trajectory database. Run again to resume."""
+    """Solve a mission's whole grid and write the trajectory database. Run again to resume.
+
+    Exit status: 0 if all cases are solved, 1 if the file is written but cases have no solution, 2 if
+    nothing could be built, 130 if interrupted.
+    """
     import database
     from ampi.dataset import partial_folder
     from database.campaign import TIME_LIMIT
     from database.grid import Grid
+    from database.records import count_records
 
     with _told():
         loaded = load_mission(mission)
+        size = Grid.from_mission(loaded).size
         try:
-            with (
-                _cluster(scheduler) as client,
-                progress("solving", Grid.from_mission(loaded).size) as advance,
-            ):
-                report = database.build(
-                    loaded,
-                    path,
-                    n_jobs=jobs,
-                    client=client,
-                    resume=resume,
-                    time_limit=TIME_LIMIT if time_limit is None else time_limit,
-                    advance=advance,
-                )
+            with _cluster(scheduler) as client:
+                _agree_to_build(loaded, path, client, jobs, yes=yes, resume=resume)
+                with progress("solving", size) as advance:
+                    report = database.build(
+                        loaded,
+                        path,
+                        n_jobs=jobs,
+                        client=client,
+                        resume=resume,
+                        time_limit=TIME_LIMIT if time_limit is None else time_limit,
+                        advance=advance,
+                    )
         except Stopped as stopped:
-            kept = len(list(partial_folder(path).glob("case_*.rec")))
+            folder = partial_folder(path)
+            kept = count_records(folder) if folder.is_dir() else 0
             again = shlex.join(word for word in sys.argv[1:] if word != "--no-resume")
             error_out.print(
-                f"Interrupted: {kept} solved cases are kept in {_escaped(partial_folder(path))}. "
+                f"Interrupted: {kept} solved cases are kept in {_escaped(folder)}. "
                 f"To continue: ampi {_escaped(again)}"
             )
             raise typer.Exit(128 + stopped.signal) from None
     if as_json:
-        numbers = {k: str(v) if isinstance(v, Path) else v for k, v in vars(report).items()}
-        _print_json({**numbers, "doubts": report.doubts})
+        _print_json(report.as_dict())
     else:
+        how = "already whole: " if report.already_whole else ""
+        done = "" if how else f" in {report.seconds:.1f} s ({report.resumed} found solved)"
         out.print(
-            f"{_escaped(report.path)}: {report.solved} of {report.cases} cases solved in "
-            f"{report.seconds:.1f} s ({report.resumed} found solved), "
+            f"{_escaped(path)}: {how}{report.solved} of {report.cases} cases solved{done}, "
             f"{report.median_iterations:.0f} iterations in the median, {report.worst_iterations} at "
             f"most; re-integrated position error at most {report.worst_position_error:.1f} m, "
             f"limits used to {100 * report.worst_limit:.1f} %"
         )
-        for failure in report.failures:
-            error_out.print(f"not solved: {_escaped(failure)}")
-        for doubt in report.doubts:
-            error_out.print(f"warning: {_escaped(doubt)}")
+    _end_of_build(report)
+
+
+def _agree_to_build(
+    mission: Mission, path: Path, client: Any, jobs: int, *, yes: bool, resume: bool
+) -> None:
+    """Say what it will take; before a large build ask, and where nobody can be asked refuse."""
+    from ampi.dataset import partial_folder
+    from database.estimate import estimate
+
+    workers = jobs if client is None else max(1, sum(client.nthreads().values()))
+    found = estimate(mission, path, workers=workers)
+    asked = sys.stdin.isatty() and sys.stderr.isatty()
+    if sys.stderr.isatty() or (yes and found.large):
+        error_out.print(str(found))
+    whole = (
+        resume and path.exists() and not partial_folder(path).exists()
+    )  # nothing is to be solved
+    if yes or not found.large or whole:
+        return
+    if not asked:
+        raise ValueError(f"{found}; to build that much, add --yes")
+    if not typer.confirm("Build it?", err=True):
+        raise typer.Exit(2)
+
+
+def _end_of_build(report: Any) -> None:
+    """What is to be said of a database that is written; exit status 1 if it has holes."""
+    for line in report.failure_summary:
+        error_out.print(_escaped(line))
+    for doubt in report.doubts:
+        error_out.print(f"warning: {_escaped(doubt)}")
     if report.solved < report.cases:
         raise typer.Exit(1)
 
@@ -589,9 +629,8 @@ def refine(
         advance(1)
     built = report.build
     if as_json:
-        numbers = {k: str(v) if isinstance(v, Path) else v for k, v in vars(built).items()}
         cell = {**asdict(report.cell), "gain_per_case": report.cell.gain_per_case}
-        _print_json({**asdict(report), "cell": cell, "build": {**numbers, "doubts": built.doubts}})
+        _print_json({**vars(report), "cell": cell, "build": built.as_dict()})
     else:
         out.print(
             f"{_escaped(target)}: {report.cell.key} with one more point at {report.offset:g}, "
@@ -600,12 +639,46 @@ def refine(
             f"{report.solved_anew} new, {built.solved} of {built.cases} solved in "
             f"{built.seconds:.1f} s"
         )
-        for failure in built.failures:
-            error_out.print(f"not solved: {_escaped(failure)}")
-        for doubt in built.doubts:
-            error_out.print(f"warning: {_escaped(doubt)}")
-    if built.solved < built.cases:
-        raise typer.Exit(1)
+    _end_of_build(built)
+
+
+@app.command()
+def crop(
+    path: DatabaseArgument,
+    drop: Annotated[
+        list[str] | None,
+        typer.Option(help="Grid point to leave out, KEY=VALUE in the key's unit; repeatable."),
+    ] = None,
+    box: Annotated[
+        bool, typer.Option("--box", help="Keep the largest box without an unsolved case.")
+    ] = False,
+    output: Annotated[
+        Path | None, typer.Option(help="Database to write; by default NAME-cropped.h5 beside it.")
+    ] = None,
+    jobs: Jobs = CORES,
+    as_json: Json = False,
+) -> None:
+    """Leave out grid points with cases that nobody can solve; all else is taken over as it is."""
+    from database.crop import crop as crop_database
+
+    target = output or path.with_name(f"{path.stem}-cropped{path.suffix}")
+    with _told(), progress("cropping", 1) as advance:
+        given = [_key_and_value(text, "--drop") for text in drop or []]
+        report = crop_database(path, target, drop=given, box=box, n_jobs=jobs)
+        advance(1)
+    built = report.build
+    if as_json:
+        _print_json({**vars(report), "build": built.as_dict()})
+    else:
+        dropped = "; ".join(
+            f"{key} = {', '.join(f'{v:.6g}' for v in values)}"
+            for key, values in report.dropped.items()
+        )
+        out.print(
+            f"{_escaped(target)}: {built.cases} of {report.cases_before} cases, {built.solved} of them "
+            f"solved; without {dropped}"
+        )
+    _end_of_build(built)
 
 
 def _interpolation_table(report: Any) -> Table:
@@ -641,6 +714,7 @@ def guide(
         typer.Option("--parameter", "-p", help="Any parameter of the database, KEY=VALUE."),
     ] = None,
     mode: Annotated[str, typer.Option(help="ampi, mpi, quadratic or nominal.")] = "ampi",
+    holes: HolesOption = "refuse",
     table: Annotated[Path | None, typer.Option("--csv", help="Write the reference as CSV.")] = None,
     plot: Annotated[Path | None, typer.Option(help="Draw it (PNG, PDF, SVG).")] = None,
     force: Force = False,
@@ -676,7 +750,7 @@ def guide(
                 raise ValueError(f"{key}: given twice")
             given[key] = value
         measured = measured_values(loaded, loaded.parameters, given)
-        reference = load_guidance(path, mode=chosen).reference(measured)
+        reference = load_guidance(path, mode=chosen, holes=_holes(holes)).reference(measured)
         if table is not None:
             _write_csv(table, reference.times, reference.states, reference.bank_rate)
         if plot is not None:
@@ -700,6 +774,7 @@ def guide(
                 "outside": outside,
                 "excess": excess,
                 "health": str(reference.health),
+                "hole": reference.hole,
                 "final_time_s": reference.final_time,
                 "bank_angle_at_entry_deg": float(np.degrees(reference.states[6, 0])),
             }
@@ -712,6 +787,8 @@ def guide(
         )
         if outside:
             out.print(f"outside the hypercube in {', '.join(outside)}: boundary trajectory")
+        if reference.hole:
+            out.print("in a cell with an unsolved case: the nearest solved one stands for it")
     if reference.health >= Health.FAR_OUTSIDE:
         raise typer.Exit(1)
 
@@ -724,12 +801,18 @@ def _choice(kind: Any, text: str, option: str) -> Any:
     return kind(text)
 
 
-def _key_and_value(text: str) -> tuple[str, float]:
+def _holes(text: str) -> Literal["refuse", "fly"]:
+    if text not in ("refuse", "fly"):
+        raise ValueError(f"--holes: expected refuse or fly, got {text!r}")
+    return "fly" if text == "fly" else "refuse"
+
+
+def _key_and_value(text: str, option: str = "--parameter") -> tuple[str, float]:
     key, _, value = text.partition("=")
     try:
         return key.strip(), float(value)
     except ValueError:
-        raise ValueError(f"--parameter: expected KEY=NUMBER, got {text!r}") from None
+        raise ValueError(f"{option}: expected KEY=NUMBER, got {text!r}") from None
 
 
 @app.command()
@@ -741,6 +824,7 @@ def fly(
     ] = "nominal,mpi,ampi,quadratic",
     seed: Annotated[int, typer.Option(min=0, help="Seed of the campaign.")] = 2016,
     distribution: Annotated[str, typer.Option(help="normal, uniform or corners.")] = "normal",
+    holes: HolesOption = "refuse",
     output: Annotated[Path | None, typer.Option(help="Keep the flights (.npz) for report.")] = None,
     table: Annotated[
         Path | None, typer.Option("--csv", help="Write a row for each flight as CSV.")
@@ -766,7 +850,7 @@ def fly(
         check_output(output, force=force, others=[path])
         check_output(table, force=force, others=[path, output])
         mission = read_dataset(path).mission
-        guidance = load_guidance(path)
+        guidance = load_guidance(path, holes=_holes(holes))
         names = dict.fromkeys(name.strip() for name in modes.split(","))
         chosen = [_choice(Mode, name, "--modes") for name in names]
         law = _choice(Distribution, distribution, "--distribution")
@@ -843,7 +927,12 @@ def report(
             extra[label] = str(attributes[key])
         with progress("drawing", 1) as advance:
             written = write_report(
-                output, dataset.mission, guidance_table(dataset), loaded, extra, notices
+                output,
+                dataset.mission,
+                guidance_table(dataset, holes="fly"),
+                loaded,
+                extra,
+                notices,
             )
             advance(1)
     out.print(f"{_escaped(written)}: {written.stat().st_size / 1e6:.1f} MB")

@@ -12,10 +12,10 @@ Whatever is finished is on disk (records); only the last step writes the file.
 from __future__ import annotations
 
 import errno
+import math
 import pickle
 import shutil
 import time
-from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import AbstractContextManager, closing, contextmanager
 from dataclasses import dataclass, field, replace
@@ -25,9 +25,15 @@ from typing import Any
 from uuid import uuid4
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ampi.dataset import TrajectoryDataset, partial_folder, stored_mission
+from ampi.dataset import (
+    TrajectoryDataset,
+    opened,
+    partial_folder,
+    refuse_while_written,
+    seal_holds,
+    stored_mission,
+)
 from ampi.job import JobError
 from ampi.missions.mission import Mission
 from ampi.scp.capabilities import check
@@ -36,9 +42,9 @@ from ampi.scp.solve import solve
 from ampi.supervisor import require_workers
 from ampi.trajectory import Status, Trajectory
 from database.blocks import Block, blocks
-from database.branches import STATIONS, branch_doubt, stations, suspects
+from database.build_report import TALLIED, BuildReport, Tally
 from database.campaign import TIME_LIMIT, BuildError, Campaign, Solver, lost
-from database.claim import claim, fingerprint_of
+from database.claim import claim, differences, fingerprint_of
 from database.engines import ClusterEngine, Engine, LocalEngine
 from database.gains import GainSettings
 from database.hdf5_file import decoded_block
@@ -59,50 +65,8 @@ from database.records import (
 from database.schedule import run_jobs
 from database.writer import write_database
 
-DOUBTFUL_POSITION = 50.0  # m, of a re-integrated flight
-DOUBTFUL_LIMIT = 1.005
+MOST_CASES = 10_000_000  # of a build, which keeps a file for each
 KNOWN_AT_ONCE = 256  # files open at the same time
-
-
-@dataclass(frozen=True)
-class BuildReport:
-    """What a build did."""
-
-    path: Path
-    cases: int
-    solved: int
-    resumed: int  # cases found already solved
-    failures: tuple[str, ...]
-    median_iterations: float
-    worst_iterations: int
-    seconds: float
-    solve_seconds: float  # wall time up to the merge: solves and re-integrations
-    worst_position_error: float  # m
-    worst_limit: float  # greatest path constraint over its limit, between the nodes
-    suspects: tuple[int, ...]  # cases that may lie on another branch (database.branches)
-
-    @property
-    def doubts(self) -> tuple[str, ...]:
-        """What speaks against flying the file as it is.
-
-        Where re-integration contradicts what the optimiser calls solved, a mesh too coarse; and where
-        neighbours seem to lie on different branches.
-        """
-        found = []
-        if self.worst_position_error > DOUBTFUL_POSITION:
-            found.append(
-                f"a flight lies {self.worst_position_error:.3g} m from its optimum, expected at most "
-                f"{DOUBTFUL_POSITION:g} m"
-            )
-        if self.worst_limit > DOUBTFUL_LIMIT:
-            found.append(
-                f"a flight uses {100 * self.worst_limit:.4g} % of a limit, expected at most "
-                f"{100 * DOUBTFUL_LIMIT:g} %"
-            )
-        found = [f"{text}; refine the mesh (ampi solve --refine shows how)" for text in found]
-        if self.suspects:
-            found.append(branch_doubt(self.suspects, self.path))
-        return tuple(found)
 
 
 @dataclass(frozen=True, eq=False)
@@ -148,7 +112,8 @@ def build(
     client
         A `distributed.Client`: its workers instead; they must see the folder of `path`.
     resume
-        Continue from the cases that an interrupted build has kept; False starts afresh.
+        Continue from the cases that an interrupted build has kept, or find the file already whole;
+        False starts afresh.
     time_limit
         Of one solve (s); one that takes longer is ended, and its case tried along another path.
     gains
@@ -169,6 +134,12 @@ def build(
     require_workers(n_jobs)
     if not 0.0 < time_limit < np.inf:
         raise BuildError(f"time_limit: expected a positive number of seconds, got {time_limit}")
+    size = math.prod(len(p.offsets) for p in mission.parameters)
+    if size > MOST_CASES:
+        raise BuildError(
+            f"{mission.name}: expected a grid of at most {MOST_CASES:,} cases, got {size:,}; give its "
+            "axes fewer points"
+        )
     path = Path(path).absolute()  # what `advance` or a solver does may change the working folder
     if not path.parent.is_dir():
         raise BuildError(f"path: the folder {path.parent} does not exist")
@@ -184,6 +155,11 @@ def build(
             f"solver: expected a function that workers can import, got {solver!r}; "
             "define it at the top of a module"
         ) from None
+    taken_over = {case: found.trajectory for case, found in (known or {}).items()}
+    if resume and path.exists() and not folder.is_dir():
+        refuse_while_written(path)
+        if seal_holds(path):
+            return _already_whole(path, campaign, fingerprint_of(campaign, taken_over))
     with (
         _told(folder, path),
         exclusive(folder),
@@ -191,7 +167,6 @@ def build(
         _engine(n_jobs, client) as engine,
     ):
         # while the workers import what they need
-        taken_over = {case: found.trajectory for case, found in (known or {}).items()}
         fingerprint = claim(
             folder, fingerprint_of(campaign, taken_over), mission.toml, resume=resume
         )
@@ -199,6 +174,31 @@ def build(
         _keep_known(campaign, known or {})
         attributes = provenance(campaign, fingerprint)
         return _Build(campaign, path, attributes, engine, advance or (lambda count: None)).run()
+
+
+def _already_whole(path: Path, campaign: Campaign, fingerprint: dict[str, str]) -> BuildReport:
+    """What the file says that this build would write; refuse one that was made otherwise."""
+    expected = provenance(campaign, fingerprint)
+    with opened(path) as file:
+        found = {key: file.attrs.get(key) for key in expected}
+        different = differences(
+            {key: str(value) for key, value in found.items()},
+            {key: str(value) for key, value in expected.items()},
+        )
+        if different:
+            raise BuildError(
+                f"{path} is a whole database of this mission, made otherwise (different "
+                f"{', '.join(different)}); nothing was overwritten: keep it, choose another path, or "
+                "build it anew with --no-resume (resume=False)"
+            )
+        tally, shape = Tally.of(campaign.mission), campaign.grid.shape
+        for block in blocks(shape):
+            values = {name: file[name][block.slices] for name in (*TALLIED, "message")}
+            cases = block.cases(shape)
+            for k in tally.count(cases, values):
+                status = int(values["status"].ravel()[k])
+                tally.fail(cases[k], status, values["message"].ravel()[k])
+    return tally.report(path, resumed=campaign.grid.size, already_whole=True)
 
 
 def _keep_known(campaign: Campaign, known: Mapping[int, KnownCase]) -> None:
@@ -250,27 +250,34 @@ class _Build:
         run_jobs(tasks, kept, self.engine, finished)
         Thread(target=self.engine.close).start()  # they end while the file is written
         solve_seconds = time.perf_counter() - self.began
-        tally = _Tally(np.full((grid.size, STATIONS), np.nan, np.float32))
+        tally = Tally.of(campaign.mission)
         final_time = self.require_nominal(nominal).trajectory.final_time
-        write_database(self.path, campaign, self.attributes, final_time, tally.count(self))
+        write_database(self.path, campaign, self.attributes, final_time, self.tallied(tally))
         discard_records(campaign.folder)
         # the file is whole; what is left `exclusive` sees to
         shutil.rmtree(campaign.folder, ignore_errors=True)
-        iterations = tally.iterations
-        return BuildReport(
-            path=self.path,
-            cases=grid.size,
-            solved=iterations.total(),
+        return tally.report(
+            self.path,
             resumed=resumed,
-            failures=tuple(tally.failures),
-            median_iterations=_median(iterations),
-            worst_iterations=max(iterations, default=0),
+            already_whole=False,
             seconds=time.perf_counter() - self.began,
             solve_seconds=solve_seconds,
-            worst_position_error=tally.worst_position_error,
-            worst_limit=tally.worst_limit,
-            suspects=tuple(suspects(grid, tally.bank)),
         )
+
+    def tallied(self, tally: Tally) -> Iterator[tuple[Block, bytes]]:
+        """The blocks in index order, counted on the way."""
+        shape = self.campaign.grid.shape
+        for block in blocks(shape):
+            encoded = self.block(block)
+            values = decoded_block(encoded, block.shape, TALLIED)
+            cases = block.cases(shape)
+            unsolved = tally.count(cases, values)
+            if len(unsolved):
+                messages = decoded_block(encoded, block.shape, ("message",))["message"].ravel()
+                status = values["status"].ravel()
+                for k in unsolved:
+                    tally.fail(cases[k], int(status[k]), messages[k])
+            yield block, encoded
 
     def record(self, case: int) -> CaseRecord | None:
         """What is kept of a case."""
@@ -305,55 +312,6 @@ class _Build:
                 "or try another guess"
             )
         return record
-
-
-TALLIED = ("status", "iterations", "position_error", "peak", "states")
-
-
-@dataclass(eq=False)
-class _Tally:
-    """What the report says, gathered while the blocks pass by."""
-
-    bank: NDArray[np.float32]  # (c, s), rad: of each case at the stations; NaN if unsolved
-    iterations: Counter[int] = field(default_factory=Counter)  # how many solved cases took so many
-    failures: list[str] = field(default_factory=list)
-    worst_position_error: float = float("nan")
-    worst_limit: float = float("nan")
-
-    def count(self, run: _Build) -> Iterator[tuple[Block, bytes]]:
-        """Pass the blocks on, in index order."""
-        grid = run.campaign.grid
-        for block in blocks(grid.shape):
-            encoded = run.block(block)
-            values = decoded_block(encoded, block.shape, TALLIED)
-            good = values["status"].ravel() == int(Status.SOLVED)
-            cases = block.cases(grid.shape)
-            bank = stations(values["states"]).reshape(-1, STATIONS)
-            self.bank[cases] = np.where(good[:, None], bank, np.nan)
-            self.iterations.update(values["iterations"].ravel()[good].tolist())
-            if not good.all():
-                messages = decoded_block(encoded, block.shape, ("message",))["message"].ravel()
-                for k in np.flatnonzero(~good):
-                    case = grid.describe(cases[k])
-                    self.failures.append(f"{case}: {messages[k].decode('utf-8', 'replace')}")
-            self.worst_position_error = _worst(self.worst_position_error, values["position_error"])
-            self.worst_limit = _worst(self.worst_limit, values["peak"])
-            yield block, encoded
-
-
-def _median(counts: Counter[int]) -> float:
-    """Of numbers that are counted; NaN of none."""
-    values = np.sort(np.fromiter(counts, dtype=float))
-    upto = np.cumsum([counts[int(value)] for value in values])
-    half = 0.5 * counts.total()
-    if half == 0.0:
-        return float("nan")
-    low, high = np.searchsorted(upto, half), np.searchsorted(upto, half, side="right")
-    return float(0.5 * (values[low] + values[high]))
-
-
-def _worst(before: float, values: np.ndarray) -> float:
-    return float(np.fmax(before, np.fmax.reduce(values, axis=None)))
 
 
 @contextmanager

@@ -61,17 +61,22 @@ def _refuse_other_build(
             f"{count} finished cases belong to; put one of the two back, choose another path, or start "
             "afresh with resume off"
         )
-    differing = [
-        f"{key} ({found.get(key)} there, {value} here)" if len(value) < READABLE else key
-        for key, value in fingerprint.items()
-        if found is not None and found.get(key) != value and key != "git_revision"
-    ]
+    differing = differences(found, fingerprint) if found is not None else []
     if differing:
         raise BuildError(
             f"{folder} holds cases of another build (different {', '.join(differing)}); "
             "finish that build as it was begun, choose another path, or delete the folder to start "
             "afresh"
         )
+
+
+def differences(found: Mapping[str, str], expected: Mapping[str, str]) -> list[str]:
+    """What differs, with the values where they can be read; the same sources may have two revisions."""
+    return [
+        f"{key} ({found.get(key)} there, {value} here)" if len(value) < READABLE else key
+        for key, value in expected.items()
+        if found.get(key) != value and key != "git_revision"
+    ]
 
 
 def _digest(known: Mapping[int, Trajectory]) -> str:

@@ -18,7 +18,8 @@ import tomlkit
 from ampi.dataset import TrajectoryDataset, read_dataset
 from ampi.missions.mission import Mission, leaves, parse_mission
 from ampi.scp.solve import solve
-from database.build import BuildReport, KnownCase, build
+from database.build import KnownCase, build
+from database.build_report import BuildReport
 from database.campaign import BuildError, Solver, as_built
 from database.error_map import CellError, best_cell, error_map
 from database.grid import Grid

@@ -9,13 +9,13 @@ import sys
 import time
 from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import database
 from ampi.dataset import read_dataset
 from ampi.missions.mission import Mission, load_mission
-from ampi.trajectory import Trajectory
+from ampi.trajectory import Status, Trajectory
 from database.jobs import Job
 from database.stand_in import neighbour_moved
 
@@ -98,6 +98,12 @@ def crashes(mission: Mission, *, guess: Trajectory | None = None) -> Trajectory:
     if _fast(mission):
         os.kill(os.getpid(), signal.SIGSEGV)
     return moved(mission, guess)
+
+
+def misses(mission: Mission, *, guess: Trajectory | None = None) -> Trajectory:
+    """The target, at greater speeds."""
+    status = Status.TARGET_MISSED if _fast(mission) else Status.SOLVED
+    return replace(moved(mission, guess), status=status)
 
 
 @dataclass(frozen=True)

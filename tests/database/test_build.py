@@ -182,6 +182,10 @@ def test_an_existing_file_survives_a_failed_rebuild(
     shutil.copy(small_database, path)
     with pytest.raises(ZeroDivisionError):
         database.build(
-            small_mission, path, n_jobs=1, advance=lambda count: 1 // 0 if count else None
+            small_mission,
+            path,
+            n_jobs=1,
+            resume=False,
+            advance=lambda count: 1 // 0 if count else None,
         )
     assert path.read_bytes() == small_database.read_bytes()

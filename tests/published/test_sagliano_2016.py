@@ -17,7 +17,7 @@ from ampi.physics.planet import great_circle_distance
 from ampi.simulation.monte_carlo import Flights
 from ampi.simulation.statistics import footprint_ratio, judge
 from database.audit import AuditReport, audit
-from database.build import BuildReport
+from database.build_report import BuildReport
 
 
 @pytest.fixture(scope="module")

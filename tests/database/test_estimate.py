@@ -1,0 +1,83 @@
+"""What a build will take is known before its first job, and a huge one is refused at once."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+
+import database
+from ampi.dataset import FIELDS
+from ampi.missions.mission import Mission, parse_mission
+from database.campaign import BuildError
+from database.estimate import estimate
+
+MEMORY = """
+import resource, sys
+from ampi.cli import app
+try:
+    app(["build", *sys.argv[1:]])
+finally:
+    print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss)
+"""
+KEYS = ("speed_m_per_s", "flight_path_angle_deg", "azimuth_deg", "altitude_m", "longitude_deg")
+MORE = ("latitude_deg", "density_factor", "lift_factor", "drag_factor", "vehicle.mass_kg")
+
+
+@pytest.fixture
+def huge(small_mission: Mission) -> str:
+    """31 points on each of ten axes: 8e14 cases."""
+    axis = np.linspace(-0.1, 0.1, 31).round(6).tolist()
+    text = small_mission.toml[: small_mission.toml.index("[grid]")]
+    return f"{text}[grid]\n" + "".join(f"{key} = {axis}\n" for key in KEYS + MORE)
+
+
+def test_an_estimate_is_of_the_grid_and_the_workers(small_mission: Mission, tmp_path: Path) -> None:
+    one, two = (estimate(small_mission, tmp_path / "a.h5", workers=n) for n in (1, 2))
+    assert one.cases == 9
+    assert one.seconds == 2.0 * two.seconds > 0.0
+    assert one.file_bytes < one.disk_bytes < one.free_bytes
+    assert two.memory_bytes > one.memory_bytes
+    assert not one.large
+    assert str(one).startswith("9 cases: about 1 s with 1 worker, a file of 0.066 MB, ")
+
+
+def test_an_estimate_is_near_the_file(small_mission: Mission, small_database: Path) -> None:
+    """Of what the file holds of its cases; axes and the high-density matrix are the same in all."""
+    with h5py.File(small_database) as file:
+        stored = sum(
+            file[name].id.get_storage_size() for name, field in FIELDS.items() if field.per_case
+        )
+    found = estimate(small_mission, small_database, workers=1).file_bytes
+    assert found == pytest.approx(stored, rel=0.1)
+
+
+def test_a_huge_grid_is_refused_at_once_and_in_little_memory(huge: str, tmp_path: Path) -> None:
+    mission, path = tmp_path / "huge.toml", tmp_path / "huge.h5"
+    mission.write_text(huge, encoding="utf-8")
+    for yes, told in (((), "to build that much, add --yes"), (("--yes",), "at most 10,000,000 ca")):
+        done = subprocess.run(
+            [sys.executable, "-c", MEMORY, str(mission), str(path), *yes],
+            stdin=subprocess.DEVNULL,
+            capture_output=True,
+            text=True,
+            check=False,
+        )
+        assert done.returncode == 2
+        assert "819,628,286,980,801 cases: about " in done.stderr
+        assert told in done.stderr
+        assert len(done.stderr.splitlines()) == 1 + len(yes)
+        assert int(done.stdout) < 300 * 1024  # KiB
+    assert [f.name for f in tmp_path.iterdir()] == ["huge.toml"]
+
+
+def test_a_grid_too_large_for_any_build_is_no_question(huge: str, tmp_path: Path) -> None:
+    with pytest.raises(
+        BuildError, match=r"at most 10,000,000 cases, got 819,628,286,980,801; give"
+    ):
+        database.build(parse_mission(huge), tmp_path / "huge.h5")
+    assert list(tmp_path.iterdir()) == []
