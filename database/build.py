@@ -140,9 +140,9 @@ def build(
             f"{mission.name}: expected a grid of at most {MOST_CASES:,} cases, got {size:,}; give its "
             "axes fewer points"
         )
+    if not Path(path).parent.is_dir():
+        raise BuildError(f"path: the folder {Path(path).parent} does not exist")
     path = Path(path).absolute()  # what `advance` or a solver does may change the working folder
-    if not path.parent.is_dir():
-        raise BuildError(f"path: the folder {path.parent} does not exist")
     _refuse_unknown(mission, solver)
     _refuse_other_database(path, mission)
     folder = partial_folder(path)
