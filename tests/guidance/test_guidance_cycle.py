@@ -130,6 +130,28 @@ def test_without_a_stated_cycle_the_first_command_changes_next_to_nothing(
     assert command.health is Health.GOOD
 
 
+def test_a_silence_right_after_the_first_command_is_none_of_a_stated_cycle(
+    guidance: Guidance,
+) -> None:
+    stated = guidance.at_cycle(0.1)
+    reference = eager(stated)
+    rate = stated.command(reference, 0.0, STATE, 0.0).bank_rate
+    change = stated.command(reference, 1.5, STATE, rate).bank_rate - rate
+    assert change == pytest.approx(0.1 * LIMITS.acceleration)
+
+
+def test_what_is_lost_at_the_first_command_is_the_references(guidance: Guidance) -> None:
+    stated = guidance.at_cycle(0.5)
+    reference = eager(stated, 0.02)
+    reference.states[6] = 0.3
+    for _ in range(2):  # the last command of another flight is none of this
+        stated.reset()
+        command = stated.command(reference, 1.0, np.full(7, np.nan), np.nan)
+        assert command.bank_rate == pytest.approx(0.02, abs=1e-12)
+        assert command.bank_angle == pytest.approx(0.3 + 0.01, abs=1e-12)
+        stated.command(reference, 1.1, STATE, 0.05)
+
+
 def test_a_loop_that_gets_slower_or_faster_is_followed(guidance: Guidance) -> None:
     times = np.concatenate(
         [np.arange(20) * 0.1, 2.0 + np.arange(40) * 0.4, 18.0 + np.arange(20) / 50]

@@ -263,9 +263,10 @@ def test_modes_differ_between_the_vertices_and_agree_where_they_must(synthetic: 
 
 
 def test_in_mode_keeps_everything_else(synthetic: Guidance) -> None:
-    slow = Guidance(synthetic.table, synthetic.limits, cycle=2.0)
-    other = slow.in_mode(Mode.MPI)
+    slow = Guidance(synthetic.table, synthetic.limits, cycle=2.0, mission_sha256="abc")
+    other = slow.in_mode("mpi")
     assert (other.mode, other.cycle, other.limits) == (Mode.MPI, 2.0, synthetic.limits)
+    assert (other.first_cycle, other.mission_sha256) == ((2.0, 2.0), "abc")
     assert other.table is synthetic.table
     assert slow.mode is Mode.AMPI
 
