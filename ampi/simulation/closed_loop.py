@@ -52,7 +52,8 @@ class FlightBatch:
     final_states: Array  # (n, 7)
     final_time: Array  # (n,), s
     status: NDArray[np.int64]  # (n,), FlightStatus
-    clipped: NDArray[np.bool_]  # (n,)
+    clipped: NDArray[np.bool_]  # (n,), outside the hypercube
+    hole: NDArray[np.bool_]  # (n,), their reference is borrowed from beside an unsolved case
     times: Array  # (k,), s
     states: Array  # (n, 7, k)
     reference_states: Array  # (n, 7, k)
@@ -70,18 +71,19 @@ class _StackedReferences:
     rows: Array
     final_time: Array
     clipped: NDArray[np.bool_]
+    hole: NDArray[np.bool_]
 
     @classmethod
     def of(cls, guidance: Guidance, parameters: Array) -> _StackedReferences:
         m = guidance.table.conversion.shape[1]
         n = len(parameters)
         times, rows, final = np.empty((n, m)), np.empty((n, 15, m)), np.empty(n)
-        clipped = np.zeros(n, dtype=bool)
+        clipped, hole = np.zeros(n, dtype=bool), np.zeros(n, dtype=bool)
         for i, measured in enumerate(parameters):
             r: Reference = guidance.reference(measured)
-            times[i], final[i], clipped[i] = r.times, r.final_time, not r.inside
+            times[i], final[i], clipped[i], hole[i] = r.times, r.final_time, not r.inside, r.hole
             rows[i, :7], rows[i, 7], rows[i, 8:] = r.states, r.bank_rate, r.gains
-        return cls(times, rows, final, clipped)
+        return cls(times, rows, final, clipped, hole)
 
 
 def fly_batch(
@@ -151,6 +153,7 @@ def _fly(
         final_time=final_time,
         status=status,
         clipped=references.clipped,
+        hole=references.hole,
         times=np.array(times),
         states=np.stack(states, axis=2),
         reference_states=np.stack(reference_states, axis=2),

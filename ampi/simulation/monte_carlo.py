@@ -60,6 +60,7 @@ class Flights:
     centre: Array  # (d,), of the dispersions, as offset from the nominal p
     parameters: Array  # (n, d), as drawn; SI, rad
     clipped: NDArray[np.bool_]  # (n,), outside the hypercube
+    hole: NDArray[np.bool_]  # (n,), their reference is borrowed from beside an unsolved case
     status: NDArray[np.int64]  # (n,), FlightStatus
     final_states: Array  # (n, 7), where the speed reached its target
     final_time: Array  # (n,), s
@@ -86,7 +87,9 @@ class Flights:
         shapes: dict[str, tuple[int, ...]] = {
             "parameters": (n, d),
             **dict.fromkeys(("half_widths", "centre"), (d,)),
-            **dict.fromkeys(("clipped", "status", "final_time", "miss", "along", "across"), (n,)),
+            **dict.fromkeys(
+                ("clipped", "hole", "status", "final_time", "miss", "along", "across"), (n,)
+            ),
             **dict.fromkeys(("altitude_error", "speed_error"), (n,)),
             "final_states": (n, 7),
             "times": (k,),
@@ -96,7 +99,7 @@ class Flights:
             "peak": (n, limits),
             "radii": (len(self.radii),),
         }
-        kinds = {"clipped": "b", "status": "i"}
+        kinds = {"clipped": "b", "hole": "b", "status": "i"}
         for name, shape in shapes.items():
             array, kind = getattr(self, name), kinds.get(name, "f")
             if array.shape != shape or array.dtype.kind != kind:
@@ -400,6 +403,7 @@ def _assemble(
         centre=np.array(dispersions.centre or np.zeros(draws.shape[1])),
         parameters=draws,
         clipped=np.concatenate([b.clipped for b in batches]),
+        hole=np.concatenate([b.hole for b in batches]),
         status=np.concatenate([b.status for b in batches]),
         final_states=final,
         final_time=np.concatenate([b.final_time for b in batches]),

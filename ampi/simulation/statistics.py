@@ -80,6 +80,7 @@ class Verdict:
     failed_by: dict[str, Fraction]  # reason (`Flights.faults`) → flights; one may have several
     reached: Fraction
     clipped: Fraction
+    hole: Fraction  # on references that are borrowed from beside an unsolved case
     rings: tuple[Fraction, ...]  # Table 5: within 25 km, 25–50, 50–75, outside
     within: dict[float, Fraction]  # radius of the mission (m) → flights within it
     miss: Spread  # m
@@ -121,6 +122,7 @@ def judge(flights: Flights) -> Verdict:
         failed_by={reason: Fraction.of(failed) for reason, failed in faults.items()},
         reached=Fraction.of(good),
         clipped=Fraction.of(flights.clipped),
+        hole=Fraction.of(flights.hole),
         rings=rings,
         within={radius: Fraction.of(miss < radius) for radius in flights.radii.tolist()},
         miss=Spread.of(flights.miss[good]),

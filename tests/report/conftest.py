@@ -86,6 +86,7 @@ def campaign(mission: Mission, mode: Mode) -> Flights:
         centre=np.zeros(6),
         parameters=mission.entry_state + 1e-3 * draws,
         clipped=np.arange(N) < (0 if mode is Mode.NOMINAL else 3),
+        hole=np.zeros(N, dtype=bool),
         status=status,
         final_states=final,
         final_time=np.full(N, FINAL_TIME + 1.0),

@@ -67,6 +67,7 @@ def synthetic_flights(n: int = 200, seed: int = 0, **changes: Any) -> Flights:
         "centre": np.zeros(6),
         "parameters": np.random.default_rng(99).standard_normal((n, 6)),
         "clipped": rng.random(n) < 0.2,
+        "hole": np.arange(n) % 7 == 0,
         "status": np.zeros(n, dtype=np.int64),
         "final_states": rng.standard_normal((n, 7)),
         "final_time": rng.uniform(500.0, 600.0, n),

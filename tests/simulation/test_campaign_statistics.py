@@ -210,6 +210,7 @@ def test_the_verdict_is_plain_numbers_for_json(make_flights: FlightMaker) -> Non
     assert [ring["count"] for ring in plain["rings"]] == [r.count for r in verdict.rings]
     assert plain["within"]["3000.0"]["n"] == 50
     assert plain["clipped"]["count"] == int(flights.clipped.sum())
+    assert plain["hole"]["count"] == int(flights.hole.sum())
 
 
 # --- footprints -----------------------------------------------------------------------------------

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -9,7 +10,9 @@ import pytest
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
+from ampi.dataset import TrajectoryDataset
 from ampi.guidance import Guidance
+from ampi.loading import guidance_table
 from ampi.missions.family import MissionFamily
 from ampi.missions.mission import EntrySection, Mission, parse_mission
 from ampi.missions.parameters import ENTRY_STATES
@@ -18,8 +21,11 @@ from ampi.onboard.reference import Mode
 from ampi.physics.equations_of_motion import equations_of_motion
 from ampi.simulation.closed_loop import LONGEST, FlightBatch, FlightStatus, fly_batch
 from ampi.simulation.dispersions import Dispersions, Distribution
+from ampi.tracking.bank_limiter import BankLimits
+from ampi.trajectory import Status
 
 Array = NDArray[np.float64]
+BANK = ("angle", "rate", "acceleration")
 MEASURED = [3, 4]  # the grid disperses speed and flight-path angle alone
 
 
@@ -122,6 +128,21 @@ def test_peaks_are_read_at_every_cycle_however_thin_the_record(
     assert batch.peak == pytest.approx(expected, rel=1e-12)
     thin = fly(mission, guidance, entries, 100.0)
     assert np.array_equal(thin.peak, batch.peak)
+
+
+def test_a_flight_over_a_hole_says_so(mission: Mission, dataset: TrajectoryDataset) -> None:
+    """One corner of the grid has no solution; a flight in its cell, and one in the cell across."""
+    status = dataset.status.copy()
+    status[0, 0] = int(Status.ERROR)
+    table = guidance_table(replace(dataset, status=status), holes="fly")
+    limits = BankLimits(*(getattr(mission.limits, f"bank_{n}") for n in BANK))
+    nominal = mission.nominal_parameters
+    corner = np.array([axis[0] for axis in dataset.axes])
+    entries = np.tile(mission.entry_state, (2, 1))
+    entries[:, MEASURED] = nominal + 0.1 * (corner - nominal) * [[1.0], [-1.0]]
+    batch = fly(mission, Guidance(table, limits), entries)
+    assert batch.hole.tolist() == [True, False]
+    assert batch.clipped.tolist() == [False, False]
 
 
 def test_clipped_tells_the_entries_outside_the_grid(batch: FlightBatch) -> None:

@@ -43,6 +43,7 @@ def test_each_flight_of_each_campaign_is_a_row(
             assert row["status"] == FlightStatus(flights.status[i]).name
             assert row["passed"] == ("yes" if flights.passed[i] else "no")
             assert (row["failed_by"] == "") == flights.passed[i]
+            assert row["in_a_hole"] == ("yes" if flights.hole[i] else "no")
             assert row["outside_hypercube"] == ("yes" if flights.clipped[i] else "no")
         assert own[1]["failed_by"].split(";")[:2] == ["target_speed_not_reached", "position"]
         assert "position" in own[2]["failed_by"].split(";")
