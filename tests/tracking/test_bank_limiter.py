@@ -169,6 +169,46 @@ def test_from_beyond_the_limit_the_vehicle_comes_back(
     assert banks[-1] <= lim.angle * (1.0 + 1e-9)
 
 
+@laws
+@given(
+    lim=limits,
+    cycle=cycles,
+    beyond=st.floats(0.0, 3.0),
+    share=st.floats(-1.0, 1.0),
+    ask=st.floats(-1e6, 1e6),
+)
+def test_on_the_way_back_the_rate_limit_holds_too(
+    lim: BankLimits, cycle: float, beyond: float, share: float, ask: float
+) -> None:
+    for side in (-1.0, 1.0):
+        rate = share * lim.rate
+        new = float(limited_rate(lim, side * lim.angle * (1.0 + beyond), rate, ask, cycle))
+        assert abs(new) <= lim.rate * (1.0 + 1e-12)
+        assert abs(new - rate) <= lim.acceleration * cycle * (1.0 + 1e-9)
+
+
+@laws
+@given(
+    start=stoppable_states(), command=commands, share=st.floats(0.3, 1.0), seed=st.integers(0, 99)
+)
+def test_between_a_shortest_and_a_longest_cycle_no_limit_is_broken(
+    start: tuple[BankLimits, float, float, float],
+    command: list[float],
+    share: float,
+    seed: int,
+) -> None:
+    """From rest: whatever each cycle lasts, the bank angle and, over the shortest, the rates keep."""
+    lim, longest, bank, _ = start
+    shortest, rate, rng = share * longest, 0.0, np.random.default_rng(seed)
+    for asked in command:
+        new = float(limited_rate(lim, bank, rate, asked, longest, shortest))
+        assert abs(new - rate) <= lim.acceleration * shortest * (1.0 + 1e-9)
+        assert abs(new) <= lim.rate * (1.0 + 1e-12)
+        bank += 0.5 * (rate + new) * float(rng.uniform(shortest, longest))
+        rate = new
+        assert abs(bank) <= lim.angle * (1.0 + 1e-9)
+
+
 # --- examples -------------------------------------------------------------------------------------
 
 
