@@ -262,7 +262,7 @@ class TargetSection(Section):
     @classmethod
     def _range_crosses_south(cls, value: tuple[float, float] | None) -> tuple[float, float] | None:
         """[170°, −170°] is [170°, 190°]."""
-        if value is not None and 0.5 * TURN < value[0] - value[1] <= TURN:
+        if value is not None and value[0] - value[1] > 0.5 * TURN:
             return value[0], value[1] + TURN
         return value
 

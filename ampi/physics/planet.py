@@ -79,8 +79,7 @@ def great_circle_distance(
 ) -> Any:
     """Distance over a sphere of `radius` (m) between two points (rad): haversine, exact near zero."""
     half_chord_squared = haversine(longitude_1, latitude_1, longitude_2, latitude_2)
-    # between antipodes its rounding may lie beyond 1
-    return 2.0 * radius * np.arcsin(np.sqrt(np.minimum(half_chord_squared, 1.0)))
+    return 2.0 * radius * np.arcsin(np.sqrt(half_chord_squared))
 
 
 def destination(longitude: Any, latitude: Any, azimuth: Any, angle: Any) -> tuple[Any, Any]:

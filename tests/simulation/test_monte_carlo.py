@@ -117,6 +117,16 @@ def test_along_points_down_range_and_across_to_the_right(
     assert np.abs(flights.across - across).max() < 300.0
 
 
+def test_a_campaign_does_not_depend_on_the_turn_of_its_target(
+    mission: Mission, guidance: Guidance
+) -> None:
+    target = mission.target.model_copy(update={"longitude": mission.target.longitude + 2.0 * np.pi})
+    other = mission.model_copy(update={"target": target})
+    here, there = (fly(m, guidance, n=5, n_jobs=1, record_every=1e3) for m in (mission, other))
+    for name in ("miss", "along", "across"):
+        assert getattr(there, name) == pytest.approx(getattr(here, name), abs=1e-6)
+
+
 def test_modes_fly_the_same_draws(mission: Mission, guidance: Guidance) -> None:
     flown = {
         mode: fly(mission, guidance.in_mode(mode), n=12, seed=8, n_jobs=1, record_every=60.0)
