@@ -62,7 +62,7 @@ class PlanetSection(Section):
     """
 
     model: Literal["wgs84", "sphere"]
-    radius: u.Length | None = None
+    radius: u.Length | None = Field(default=None, gt=0)
     surface_gravity: Number | None = Field(default=None, gt=0)  # m/s²
     rotation_rate: Number | None = None  # rad/s; a sphere without one stands still
     load_factor_gravity: Number | None = Field(default=None, gt=0)  # m/s², g₀ of the load factor
@@ -99,7 +99,7 @@ class AtmosphereSection(Section):
     model: Literal["us76", "exponential"]
     density_factor: Number = Field(default=1.0, gt=0)  # on the model's density, nominal 1
     surface_density: Number | None = Field(default=None, gt=0)
-    scale_height: u.Length | None = None
+    scale_height: u.Length | None = Field(default=None, gt=0)
     specific_heat_ratio: Number | None = Field(default=None, gt=1)
 
     @model_validator(mode="after")
@@ -452,7 +452,12 @@ class Mission(Section):
 
     @model_validator(mode="after")
     def _parts_fit(self) -> Mission:
-        faults = self.disagreements() or self._grid_faults()
+        faults = self.disagreements()
+        try:
+            _ = self.parameters
+        except ValueError as error:
+            faults.append(str(error))
+        faults = faults or self._grid_faults()
         if faults:
             raise ValueError("\n".join(faults))
         return self
@@ -461,7 +466,6 @@ class Mission(Section):
         """What no section can tell alone, a sentence each, of the sections that are there."""
         found: list[str] = []
         for sections, check in (
-            ("planet", self._planet_stands),
             ("vehicle", self._vehicle_stands),
             ("mesh", self._mesh_stands),
             ("entry target", self._flight_slows_down),
@@ -477,10 +481,6 @@ class Mission(Section):
             except ValueError as error:
                 found.append(str(error))
         return list(dict.fromkeys(found))
-
-    def _planet_stands(self) -> Iterator[str]:
-        self.planet.build()
-        yield from ()
 
     def _vehicle_stands(self) -> Iterator[str]:
         self.vehicle.build()
@@ -547,7 +547,7 @@ class Mission(Section):
                     yield (
                         f"no_fly_zone {number}: expected the {place} outside the zone, got it "
                         f"{away / 1e3:.0f} km from the centre of a zone of "
-                        f"{zone.radius / 1e3:.0f} km{' and its margin' if here <= 1.0 else ''}; "
+                        f"{zone.radius / 1e3:.0f} km{' and its margin' if away >= zone.radius else ''}; "
                         f"move the zone or the {place}"
                     )
 
@@ -691,9 +691,7 @@ def _read(name_or_path: str | Path) -> _Source:
         if not path.is_file():
             raise MissionError(f"mission: no file at {path}")
         try:
-            return _Source(
-                str(path), path.read_text(encoding="utf-8-sig")
-            )  # with a mark or without
+            return _Source(str(path), path.read_text(encoding="utf-8"))
         except UnicodeDecodeError:
             raise MissionError(f"{path}: not a text file in UTF-8") from None
     if not shipped:
@@ -707,6 +705,7 @@ def _read(name_or_path: str | Path) -> _Source:
 
 def parse_mission(text: str, label: str = "mission") -> Mission:
     """Mission from TOML `text`; `label` opens the error messages."""
+    text = text.removeprefix("\ufeff")  # the byte order mark of a text file
     try:
         data: dict[str, Any] = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:

@@ -282,6 +282,21 @@ FAULTS = {
         ('model = "wgs84"', 'model = "mars"'),
         "planet.model: Input should be 'wgs84' or 'sphere' (got 'mars')",
     ),
+    "a sphere of negative size": (
+        ('model = "wgs84"', 'model = "sphere"\nradius_km = -3396\nsurface_gravity = 3.71'),
+        "planet.radius: Input should be greater than 0 (got -3396 km)",
+    ),
+    "an atmosphere that grows with altitude": (
+        ('model = "us76"', 'model = "exponential"\nsurface_density = 1.2\nscale_height_km = -7'),
+        "atmosphere.scale_height: Input should be greater than 0 (got -7 km)",
+    ),
+    "a zone as large as the planet": (
+        (
+            "[grid] # [S]",
+            ZONE.format(longitude=135, latitude=-66).replace("100.0", "30000") + "[grid] # [S]",
+        ),
+        "got it 19982 km from the centre of a zone of 30000 km; move the zone or the target",
+    ),
     "half a sphere": (
         ('model = "wgs84"', 'model = "sphere"\nradius_km = 6371.0'),
         "planet: a sphere needs radius_km (or radius_m) and surface_gravity (m/s²)",
@@ -369,6 +384,16 @@ def test_what_does_not_fit_together_is_listed_beside_faulty_fields() -> None:
     assert [line[: len(o)] for line, o in zip(lines, openings, strict=True)] == openings
 
 
+def test_an_unknown_axis_is_named_beside_what_does_not_fit() -> None:
+    text = altered(
+        ("speed_m_per_s = 595.0", "speed_m_per_s = 4713.0"),
+        ("altitude_m = [-250.0, 0.0, 250.0]", "altitud_m = [-250.0, 0.0, 250.0]"),
+    )
+    with pytest.raises(MissionError, match=r"must be below") as caught:
+        parse_mission(text)
+    assert "grid.altitud_m: expected a number of this mission" in str(caught.value)
+
+
 def test_what_needs_a_faulty_section_is_not_asked() -> None:
     # the limits cannot be compared with those of a vehicle without a mass, nor the guess with no limit
     text = altered(
@@ -405,6 +430,7 @@ def test_a_file_with_a_byte_order_mark_is_read(tmp_path: Path) -> None:
     path, plain = tmp_path / "marked.toml", load_mission("shefex3")
     path.write_bytes(b"\xef\xbb\xbf" + plain.toml.encode())
     assert load_mission(path).toml == plain.toml
+    assert parse_mission("\ufeff" + plain.toml).toml == plain.toml
 
 
 def test_an_unknown_name_lists_the_known_ones() -> None:
