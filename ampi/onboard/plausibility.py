@@ -65,8 +65,8 @@ class StateEnvelope:
     @classmethod
     def of(cls, states: Array) -> StateEnvelope:
         """Of a table's states (…, 7, n)."""
-        cases = np.moveaxis(states, -2, 0).reshape(7, -1)
-        least, greatest = cases.min(axis=1), cases.max(axis=1)
+        all_but_rows = (*range(states.ndim - 2), -1)
+        least, greatest = states.min(axis=all_but_rows), states.max(axis=all_but_rows)
         width = greatest - least
         width[[*DIRECTIONS, LATITUDE, 4]] = np.maximum(width[[*DIRECTIONS, LATITUDE, 4]], NARROW)
         low, high = least - MARGIN * width, greatest + MARGIN * width

@@ -89,6 +89,10 @@ def test_locate_is_numpys_interpolation_held_at_both_ends(n: int, seed: int, sha
     )
 
 
+def test_locate_says_nothing_of_a_time_that_is_no_number() -> None:
+    assert np.isnan(locate(np.array([0.0, 1.0, 2.0]), float("nan"))[1])
+
+
 @laws
 @given(entry=sixes, time=anything, state=sevens, rate=anything, mode=st.sampled_from(list(Mode)))
 def test_no_numbers_raise(

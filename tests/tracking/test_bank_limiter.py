@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from ampi.tracking.bank_limiter import BankLimits, limited_rate
+from ampi.tracking.bank_limiter import BankLimits, bank_on_turn, limited_rate
 
 Array = NDArray[np.float64]
 
@@ -255,3 +255,11 @@ def test_the_bank_angle_keeps_its_limit_between_the_cycles_too(
 def test_at_the_bank_limit_a_held_command_settles() -> None:
     _, rates = flown(SHEFEX, 0.0, 0.0, [5.0 * DEGREE] * 60, 0.5)
     assert np.abs(rates[40:]).max() < 1e-9
+
+
+@pytest.mark.parametrize("what", range(3))
+def test_what_is_no_number_stays_none(what: int) -> None:
+    told = [0.1, 0.01, 0.02]
+    told[what] = math.nan
+    assert math.isnan(limited_rate(SHEFEX, *told, 0.5))
+    assert math.isnan(bank_on_turn(SHEFEX, math.nan, 0.3))
