@@ -8,6 +8,7 @@ import os
 import shlex
 import signal
 import sys
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import asdict
@@ -30,10 +31,14 @@ from ampi.terminal import discard, standard_stream
 from ampi.trajectory import Trajectory
 
 if TYPE_CHECKING:
+    from ampi.dataset import TrajectoryDataset
     from ampi.report.reproduction_table import Reproduction
 
 app = typer.Typer(
     help="Entry guidance from a database of optimal trajectories.",
+    epilog="Exit status: 0 done; 1 done in part, and the output says what is missing; 2 refused, "
+    "not solved or damaged, and one sentence on standard error says why; 130 interrupted, and what "
+    "is solved is kept.",
     no_args_is_help=True,
     add_completion=False,
     pretty_exceptions_enable=False,
@@ -161,7 +166,10 @@ def solve(
     force: Force = False,
     as_json: Json = False,
 ) -> None:
-    """Solve a mission's optimal control problem once."""
+    """Solve a mission's optimal control problem once.
+
+    Exit status 2 where the answer is no solution; it is printed and drawn all the same.
+    """
     from ampi.propagation import reintegrate
     from ampi.scp.guess import ConstantBank
     from ampi.scp.refinement import RefinementSettings
@@ -389,7 +397,10 @@ def rerun(
     force: Force = False,
     as_json: Json = False,
 ) -> None:
-    """Solve one case of a database or of an unfinished build again, showing every iteration."""
+    """Solve one case of a database or of an unfinished build again, showing every iteration.
+
+    Exit status 1 where the case has no solution.
+    """
     from database.rerun import AttemptResult
     from database.rerun import rerun as rerun_case
 
@@ -417,7 +428,10 @@ def rerun(
 
 @app.command()
 def verify(path: DatabaseArgument, as_json: Json = False) -> None:
-    """Check every byte of a database and name what is damaged."""
+    """Check every byte of a database and name what is damaged.
+
+    Exit status 2 where the file is damaged.
+    """
     from database.verify import verify as verify_file
 
     with _told():
@@ -620,7 +634,10 @@ def refine(
     jobs: Jobs = CORES,
     as_json: Json = False,
 ) -> None:
-    """Add the point that pays most to the grid; solved cases are kept. Run again to resume."""
+    """Add the point that pays most to the grid; solved cases are kept. Run again to resume.
+
+    Exit status 1 where cases have no solution.
+    """
     from database.refine import refine as refine_database
 
     target = output or path.with_name(f"{path.stem}-refined{path.suffix}")
@@ -757,7 +774,9 @@ def guide(
             from ampi.report.look import save_figure
             from ampi.report.single import reference_figure
 
-            save_figure(plot, reference_figure(loaded, reference), "ampi guide")
+            save_figure(
+                plot, reference_figure(loaded.with_parameters(measured), reference), "ampi guide"
+            )
     names = [p.name for p in loaded.parameters]
     outside = [name for name, c in zip(names, reference.clipped, strict=True) if c]
     excess = {name: share for name, share in zip(names, reference.excess, strict=True) if share > 0}
@@ -916,7 +935,7 @@ def report(
         doubtful = suspects(grid, bank)
         notices = [branch_doubt(doubtful, path)] if doubtful else []
         attributes = dataset.attributes
-        extra = {"Database file": path.name}
+        extra = {"Written": _now(), "Database file": path.name, "Flights file": campaigns.name}
         for label, key in (
             ("ampi", "ampi_version"),
             ("Git revision", "git_revision"),
@@ -926,16 +945,66 @@ def report(
         ):
             extra[label] = str(attributes[key])
         with progress("drawing", 1) as advance:
-            written = write_report(
-                output,
-                dataset.mission,
-                guidance_table(dataset, holes="fly"),
-                loaded,
-                extra,
-                notices,
+            table = guidance_table(dataset, holes="fly")
+            write_report(
+                output, dataset.mission, table, loaded, extra, notices, _audit_lines(dataset, path)
             )
             advance(1)
-    out.print(f"{_escaped(written)}: {written.stat().st_size / 1e6:.1f} MB")
+    out.print(f"{_escaped(output)}: {output.stat().st_size / 1e6:.1f} MB")
+
+
+def _now() -> str:
+    """The date; SOURCE_DATE_EPOCH where a page is to be the same again (reproducible-builds.org)."""
+    seconds = os.environ.get("SOURCE_DATE_EPOCH", "")
+    now = int(seconds) if seconds.isdigit() else None
+    return time.strftime("%Y-%m-%d %H:%M UTC", time.gmtime(now))
+
+
+def _audit_lines(dataset: TrajectoryDataset, path: Path) -> dict[str, str]:
+    """What the file knows of itself, and what follows from it without another solve."""
+    from ampi.missions.path_limits import PathLimits
+    from database.coherence import ROWS, THRESHOLD, coherence
+    from database.error_map import error_map
+
+    solved, names = dataset.solved, PathLimits.of(dataset.mission).names
+    lines = {"Cases solved": f"{np.count_nonzero(solved)} of {solved.size}"}
+    for label, unit, errors in (
+        ("Position", "m", dataset.position_error),
+        ("Altitude", "m", dataset.altitude_error),
+        ("Speed", "m/s", dataset.speed_error),
+    ):
+        own = errors[solved]
+        lines[f"{label} error against re-integration"] = (
+            f"{np.median(own):.3g} {unit} in the median, at most {own.max():.3g} {unit}"
+        )
+    use = dataset.peak[solved].max(axis=0)
+    lines["Greatest use of each limit"] = ", ".join(
+        f"{name.replace('_', ' ')} {100.0 * share:.1f} %"
+        for name, share in zip(names, use, strict=True)
+    )
+    smooth = coherence(dataset)
+    lines["Coherence"] = "unknown: no axis has three points in a row with a solution"
+    if smooth.triples:
+        row = int(np.nanargmax(smooth.worst))
+        lines["Coherence"] = (
+            f"{smooth.triples} second differences, the roughest {smooth.worst[row]:.1f} times the "
+            f"family's scale ({ROWS[row].replace('_', ' ')}); {len(smooth.outliers)} cases stand out "
+            f"above {THRESHOLD:g}"
+        )
+    lines["Interpolation error, 90 % in the worst cell"] = (
+        "unknown: an axis of two points leaves none out"
+    )
+    if all(len(axis) > 2 for axis in dataset.axes):
+        cells = error_map(dataset, n_jobs=1)
+        worst = {key: max(cell.errors[key] for cell in cells) for key in cells[0].errors}
+        lines["Interpolation error, 90 % in the worst cell"] = ", ".join(
+            f"{_known(value)} {unit}"
+            for value, unit in zip(
+                worst.values(), ("m", "m/s", "deg of bank", "s of final time"), strict=True
+            )
+        )
+    lines["In full"] = f"ampi audit {shlex.quote(str(path))}"
+    return lines
 
 
 @app.command()

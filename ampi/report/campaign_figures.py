@@ -21,32 +21,34 @@ from ampi.report.ground_track import (
     TrackBundle,
     draw_ground_tracks,
     draw_target_window,
+    map_and_window,
     target_longitude,
     track_keys,
 )
-from ampi.report.look import INK, MODE_LOOKS, house_style, new_figure
+from ampi.report.look import INK, MODE_LOOKS, house_style
 from ampi.report.panels import (
-    FIGURE_WIDTH,
     control_limits,
     draw_bundle,
     draw_quantity_limits,
     limit_key,
     line_key,
+    loads,
     panel_grid,
-    path_limits,
     place_legend,
 )
-from ampi.report.quantities import (
-    CONTROL_QUANTITIES,
-    ENTRY_QUANTITIES,
-    PATH_QUANTITIES,
-)
+from ampi.report.quantities import CONTROL_QUANTITIES, ENTRY_QUANTITIES
 from ampi.simulation.monte_carlo import Flights
 
 Array = NDArray[np.float64]
 
 _BACK_TO_FRONT = (Mode.NOMINAL, Mode.MPI, Mode.QUADRATIC, Mode.AMPI)
-WINDOW_PERCENTILE = 99.0  # of the end points in the window on the target; the rest is in Fig. 15
+WINDOW_PERCENTILE = 99.0  # of the end points in the window on the target; footprints show the rest
+WIDTHS = (
+    2.6,
+    1.9,
+    1.2,
+    0.5,
+)  # of curves, back to front: a mode that coincides with another is its rim
 
 
 def back_to_front(campaigns: Mapping[str, Flights]) -> dict[str, Flights]:
@@ -60,6 +62,16 @@ def compared(campaigns: Mapping[str, Flights]) -> dict[str, Flights]:
     pair = {k: f for k, f in campaigns.items() if f.mode in (Mode.NOMINAL, Mode.AMPI)}
     both = {f.mode for f in pair.values()} == {Mode.NOMINAL, Mode.AMPI}
     return back_to_front(pair if both else campaigns)
+
+
+def with_widths(campaigns: Mapping[str, Flights]) -> list[tuple[Flights, str, float]]:
+    """Each campaign in drawing order with its colour and the width of its curves."""
+    widths = WIDTHS[-len(campaigns) :]
+    widths = (WIDTHS[0],) * (len(campaigns) - len(widths)) + widths
+    return [
+        (flights, MODE_LOOKS[flights.mode].colour, width)
+        for flights, width in zip(campaigns.values(), widths, strict=True)
+    ]
 
 
 def campaign_keys(campaigns: Mapping[str, Flights], *, with_ends: bool = False) -> list[Line2D]:
@@ -78,11 +90,10 @@ def campaign_states(mission: Mission, campaigns: Mapping[str, Flights]) -> Figur
     """The six states of every flight, with the target's values [Fig. 11]."""
     shown = compared(campaigns)
     figure, panels = panel_grid([q.label for q in ENTRY_QUANTITIES], 2)
-    for flights in shown.values():
+    for flights, colour, width in with_widths(shown):
         times, states = _flown(flights)
         for i, (axes, quantity) in enumerate(zip(panels, ENTRY_QUANTITIES, strict=True)):
-            colour = MODE_LOOKS[flights.mode].colour
-            draw_bundle(axes, times, quantity.shown(states[:, i]), colour)
+            draw_bundle(axes, times, quantity.shown(states[:, i]), colour, width=width)
     target = mission.target
     ends = np.concatenate([flights.final_states[:, 1] for flights in shown.values()])
     wanted = (target.altitude, target_longitude(mission, ends), target.latitude, target.speed)
@@ -98,12 +109,11 @@ def campaign_tracking_errors(mission: Mission, campaigns: Mapping[str, Flights])
     """Flown minus reference, state by state: what feedback is left to remove [Fig. 12]."""
     shown = compared(campaigns)
     figure, panels = panel_grid([q.error_label() for q in ENTRY_QUANTITIES], 2)
-    for flights in shown.values():
+    for flights, colour, width in with_widths(shown):
         errors = flights.states - flights.reference_states
         errors[:, list(CIRCULAR_STATES)] = wrapped(errors[:, list(CIRCULAR_STATES)])
         for i, (axes, quantity) in enumerate(zip(panels, ENTRY_QUANTITIES, strict=True)):
-            colour = MODE_LOOKS[flights.mode].colour
-            draw_bundle(axes, flights.times, quantity.shown(errors[:, i]), colour)
+            draw_bundle(axes, flights.times, quantity.shown(errors[:, i]), colour, width=width)
     place_legend(figure, campaign_keys(shown))
     return figure
 
@@ -123,7 +133,7 @@ def campaign_controls(mission: Mission, campaigns: Mapping[str, Flights]) -> Fig
             flights.states[:, 6],
             flights.bank_rate,
         )
-        panels[column].set_title(name)
+        panels[column].set_title(name, parse_math=False)
         limits = control_limits(mission)
         column_panels = panels[column :: len(shown)]
         for axes, quantity, value, levels in zip(
@@ -140,28 +150,27 @@ def campaign_controls(mission: Mission, campaigns: Mapping[str, Flights]) -> Fig
 def campaign_ground_tracks(mission: Mission, campaigns: Mapping[str, Flights]) -> Figure:
     """Ground tracks of every flight, with a window on the target [Fig. 14]."""
     shown = compared(campaigns)
-    bundles = [_tracks(f) for f in shown.values()]
-    figure = new_figure(FIGURE_WIDTH, 5.2)
-    axes = figure.subplots()
-    draw_ground_tracks(axes, mission, bundles)
-    draw_target_window(axes, mission, bundles, percentile=WINDOW_PERCENTILE)
-    place_legend(figure, [*campaign_keys(shown, with_ends=True), *track_keys()])
+    bundles = [_tracks(flights, width) for flights, _, width in with_widths(shown)]
+    figure, chart, window = map_and_window()
+    draw_ground_tracks(chart, mission, bundles)
+    draw_target_window(window, mission, bundles, percentile=WINDOW_PERCENTILE)
+    place_legend(figure, [*campaign_keys(shown, with_ends=True), *track_keys(mission)])
     return figure
 
 
 @house_style
 def campaign_constraints(mission: Mission, campaigns: Mapping[str, Flights]) -> Figure:
-    """Dynamic pressure, heat flux and load factor of every flight, with limits [Fig. 19]."""
-    shown = compared(campaigns)
-    figure, panels = panel_grid([q.label for q in PATH_QUANTITIES], 1)
-    limits = path_limits(mission)
-    for flights in shown.values():
-        for i, (axes, quantity) in enumerate(zip(panels, PATH_QUANTITIES, strict=True)):
-            colour = MODE_LOOKS[flights.mode].colour
-            values = quantity.shown(flights.path[:, i] * limits[i])
-            draw_bundle(axes, flights.times, values, colour)
-    for axes, quantity, limit in zip(panels, PATH_QUANTITIES, limits, strict=True):
-        draw_quantity_limits(axes, quantity, [limit])
+    """The loads on the path of every flight, with their limits [Fig. 19]."""
+    shown, drawn = compared(campaigns), loads(mission)
+    figure, panels = panel_grid([load.quantity.label for load in drawn], 1)
+    for flights, colour, width in with_widths(shown):
+        limits = mission.family(flights.parameters).path_limits(trailing=1)
+        for axes, load in zip(panels, drawn, strict=True):
+            values = load.value(flights.path[:, flights.limits.index(load.name)], limits)
+            shown_values = load.quantity.shown(values)
+            draw_bundle(axes, flights.times, shown_values, colour, width=width)
+    for axes, load in zip(panels, drawn, strict=True):
+        draw_quantity_limits(axes, load.quantity, [load.limit])
     place_legend(figure, [*campaign_keys(shown), limit_key()])
     return figure
 
@@ -173,7 +182,7 @@ def _flown(flights: Flights) -> tuple[Array, Array]:
     return times, np.concatenate([flights.states, flights.final_states[:, :, None]], axis=2)
 
 
-def _tracks(flights: Flights) -> TrackBundle:
+def _tracks(flights: Flights, width: float) -> TrackBundle:
     _, states = _flown(flights)
     look = MODE_LOOKS[flights.mode]
     return TrackBundle(
@@ -182,4 +191,5 @@ def _tracks(flights: Flights) -> TrackBundle:
         final=flights.final_states[:, 1:3],
         colour=look.colour,
         marker=look.marker,
+        width=width,
     )

@@ -14,29 +14,27 @@ from ampi.missions.family import MissionFamily
 from ampi.missions.mission import Mission
 from ampi.onboard.reference import Mode
 from ampi.onboard.table import RATE_ROW, STATE_ROWS, GuidanceTable
-from ampi.physics.path_constraints import path_constraints
 from ampi.report.ground_track import (
     TrackBundle,
     draw_ground_tracks,
     draw_target_window,
+    map_and_window,
     track_keys,
 )
-from ampi.report.look import DATABASE_COLOUR, MODE_LOOKS, house_style, new_figure
+from ampi.report.look import DATABASE_COLOUR, MODE_LOOKS, house_style
 from ampi.report.panels import (
-    FIGURE_WIDTH,
     control_limits,
     draw_bundle,
     draw_quantity_limits,
     limit_key,
     line_key,
+    loads,
     panel_grid,
-    path_limits,
     place_legend,
 )
 from ampi.report.quantities import (
     CONTROL_QUANTITIES,
     ENTRY_QUANTITIES,
-    PATH_QUANTITIES,
     Quantity,
 )
 
@@ -115,26 +113,25 @@ def database_ground_tracks(mission: Mission, table: GuidanceTable) -> Figure:
         _tracks(database, every, DATABASE_COLOUR, width=0.5, alpha=0.3),
         _tracks(database, every[[database.nominal]], NOMINAL_COLOUR, width=2.2, alpha=1.0),
     ]
-    figure = new_figure(FIGURE_WIDTH, 5.2)
-    axes = figure.subplots()
-    draw_ground_tracks(axes, mission, bundles)
-    draw_target_window(axes, mission, bundles)
-    place_legend(figure, [*_keys(database), *track_keys()])
+    figure, chart, window = map_and_window()
+    draw_ground_tracks(chart, mission, bundles)
+    draw_target_window(window, mission, bundles)
+    place_legend(figure, [*_keys(database), *track_keys(mission)])
     return figure
 
 
 @house_style
 def database_constraints(mission: Mission, table: GuidanceTable) -> Figure:
-    """Dynamic pressure, heat flux and load factor of every optimum, with limits [Fig. 7]."""
+    """The loads on the path of every optimum, with their limits [Fig. 7]."""
     database = HighDensityDatabase.of(table)
-    model = table_family(mission, table).flight_model(trailing=1)
-    values = path_constraints(model, database.states, database.times)
-    figure, panels = panel_grid([q.label for q in PATH_QUANTITIES], 1)
-    for axes, quantity, value, limit in zip(
-        panels, PATH_QUANTITIES, values, path_limits(mission), strict=True
-    ):
-        _draw_cases(axes, database, quantity, value)
-        draw_quantity_limits(axes, quantity, [limit])
+    family = table_family(mission, table)
+    limits = family.path_limits(trailing=1)
+    use = limits.path(family.flight_model(trailing=1), database.states, database.times)
+    drawn = loads(mission)
+    figure, panels = panel_grid([load.quantity.label for load in drawn], 1)
+    for axes, load in zip(panels, drawn, strict=True):
+        _draw_cases(axes, database, load.quantity, load.value(use[load.index], limits))
+        draw_quantity_limits(axes, load.quantity, [load.limit])
     place_legend(figure, [*_keys(database), limit_key()])
     return figure
 

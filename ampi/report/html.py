@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from importlib import resources
 from pathlib import Path
 
+import numpy as np
 from jinja2 import Environment, StrictUndefined
 
 from ampi.missions.mission import Mission
@@ -15,9 +16,9 @@ from ampi.onboard.table import GuidanceTable
 from ampi.outputs import written
 from ampi.report.exhibits import Exhibit, campaign_exhibits, database_exhibits
 from ampi.report.look import data_uri, image_bytes
-from ampi.report.published import PAPER_MISSION
+from ampi.report.published import is_of_the_paper, is_shipped
 from ampi.report.quantities import DEGREES, KILO
-from ampi.report.verdict_tables import verdict_tables
+from ampi.report.verdict_tables import coincident, verdict_tables
 from ampi.simulation.monte_carlo import Flights
 
 TEMPLATE = "report.html.j2"
@@ -48,6 +49,7 @@ def write_report(
     campaigns: Mapping[str, Flights],
     extra: Mapping[str, str],
     notices: Sequence[str] = (),
+    audit: Mapping[str, str] | None = None,
 ) -> Path:
     """Write the report of a database and its campaigns.
 
@@ -63,6 +65,8 @@ def write_report(
         Provenance: versions, git revision, database file, date.
     notices
         What speaks against the database, a sentence each; they stand first on the page.
+    audit
+        What is known of the database, a line each: solved cases, re-integration, coherence.
 
     Returns
     -------
@@ -71,19 +75,24 @@ def write_report(
     """
     if not campaigns:
         raise ValueError("campaigns: expected at least one campaign of flights, got none")
+    of_the_paper = is_of_the_paper(mission)
     environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True)
     text = resources.files("ampi.report").joinpath(TEMPLATE).read_text(encoding="utf-8")
     page = environment.from_string(text).render(
         title=f"{mission.title}: entry guidance by pseudospectral interpolation",
         statement=mission_statement(mission, table),
-        surrogate="surrogate" in mission.title.lower(),
-        compared_with_paper=mission.name == PAPER_MISSION,
+        surrogate=is_shipped(mission) and "surrogate" in mission.title.lower(),
+        compared_with_paper=of_the_paper,
         provenance={**_draws(campaigns), **extra},
         notices=notices,
         modes={name: MODE_SENTENCES[f.mode] for name, f in campaigns.items()},
+        coincident=coincident(campaigns),
         tables=verdict_tables(mission, campaigns),
-        campaign_pictures=_drawn(campaign_exhibits(mission, campaigns)),
-        database_pictures=_drawn(database_exhibits(mission, table)),
+        axes=axes_table(mission),
+        dispersions=dispersions_table(mission, campaigns),
+        audit=audit or {},
+        campaign_pictures=_drawn(campaign_exhibits(mission, campaigns), of_the_paper),
+        database_pictures=_drawn(database_exhibits(mission, table), of_the_paper),
     )
     target = Path(path)
     with written(target) as temporary:
@@ -105,6 +114,50 @@ def mission_statement(mission: Mission, table: GuidanceTable) -> str:
     )
 
 
+@dataclass(frozen=True)
+class PlainTable:
+    """Words in rows, the first cell of each a header."""
+
+    heads: tuple[str, ...]
+    rows: tuple[tuple[str, ...], ...]
+
+
+def axes_table(mission: Mission) -> PlainTable:
+    """The grid: each parameter, its nominal value and its offsets, in the unit of its key."""
+    rows = []
+    for parameter in mission.parameters:
+        nominal = parameter.number.nominal / parameter.number.per_unit
+        offsets = ", ".join(f"{offset:+g}" if offset else "0" for offset in parameter.offsets)
+        rows.append((parameter.key, f"{nominal:.9g}", offsets, str(len(parameter.offsets))))
+    return PlainTable(("Parameter", "Nominal", "Offsets", "Points"), tuple(rows))
+
+
+def dispersions_table(mission: Mission, campaigns: Mapping[str, Flights]) -> PlainTable:
+    """The law and what came of it, as offsets from the nominal value; once for campaigns that share."""
+    sharing: dict[bytes, list[str]] = {}
+    for name, flights in campaigns.items():
+        sharing.setdefault(flights.parameters.tobytes(), []).append(name)
+    rows: list[tuple[str, ...]] = []
+    for names in sharing.values():
+        flights = campaigns[names[0]]
+        law = flights.dispersions
+        centre = law.centre or (0.0,) * len(law.half_widths)
+        for i, parameter in enumerate(mission.parameters):
+            own = parameter.number
+            drawn = (flights.parameters[:, i] - own.nominal) / own.per_unit
+            inside = (drawn >= parameter.offsets[0]) & (drawn <= parameter.offsets[-1])
+            numbers = (
+                centre[i] / own.per_unit,
+                law.half_widths[i] / own.per_unit,
+                *(drawn.min(), drawn.mean(), drawn.max()),
+            )
+            label = parameter.key if len(sharing) == 1 else f"{parameter.key}: {', '.join(names)}"
+            share = f"{100.0 * float(np.mean(inside)):.1f} %"
+            rows.append((label, law.distribution.value, *(f"{n:.4g}" for n in numbers), share))
+    heads = ("Centre", "Half width", "Least drawn", "Mean drawn", "Greatest drawn", "On the axis")
+    return PlainTable(("Parameter", "Distribution", *heads), tuple(rows))
+
+
 def _draws(campaigns: Mapping[str, Flights]) -> dict[str, str]:
     """Provenance that the campaigns carry themselves."""
 
@@ -115,18 +168,17 @@ def _draws(campaigns: Mapping[str, Flights]) -> dict[str, str]:
     return {
         "Mission": each(f.mission for f in flights),
         "Flights per campaign": each(f.n for f in flights),
-        "Dispersions": each(f.distribution for f in flights),
         "Seed": each(f.seed for f in flights),
     }
 
 
-def _drawn(exhibits: tuple[Exhibit, ...]) -> list[Picture]:
+def _drawn(exhibits: tuple[Exhibit, ...], of_the_paper: bool) -> list[Picture]:
     """Draw one after the other: a figure of a thousand curves is dropped once it is an image."""
     return [
         Picture(
             e.name,
             e.title,
-            e.caption,
+            f"{e.caption} After {e.after} of the paper." if of_the_paper and e.after else e.caption,
             e.alternative,
             data_uri(image_bytes(e.draw(), e.image_format), e.image_format),
         )

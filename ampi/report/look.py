@@ -67,17 +67,18 @@ class ImageFormat(Enum):
 
 @dataclass(frozen=True)
 class ModeLook:
-    """Colour and marker of one guidance mode."""
+    """Colour, marker and dash pattern of one guidance mode."""
 
     colour: str
     marker: str
+    dashes: str | tuple[float, tuple[float, ...]]
 
 
 MODE_LOOKS = {
-    Mode.NOMINAL: ModeLook("#E69F00", "s"),
-    Mode.MPI: ModeLook("#009E73", "^"),
-    Mode.AMPI: ModeLook("#0072B2", "o"),
-    Mode.QUADRATIC: ModeLook("#CC79A7", "D"),
+    Mode.NOMINAL: ModeLook("#E69F00", "s", "-"),
+    Mode.MPI: ModeLook("#009E73", "^", (0.0, (6.0, 2.0))),
+    Mode.AMPI: ModeLook("#0072B2", "o", (0.0, (1.0, 1.0))),
+    Mode.QUADRATIC: ModeLook("#CC79A7", "D", (0.0, (3.0, 1.5))),
 }
 
 

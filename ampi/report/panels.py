@@ -3,17 +3,30 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.axis import Axis
 from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
+from matplotlib.ticker import FuncFormatter
 from numpy.typing import NDArray
 
 from ampi.missions.mission import Mission
+from ampi.missions.path_limits import PathLimits
 from ampi.report.look import INK, LIMIT_COLOUR, new_figure
-from ampi.report.quantities import TIME, Quantity
+from ampi.report.quantities import (
+    DYNAMIC_PRESSURE,
+    HEAT_FLUX,
+    LONGITUDE,
+    TIME,
+    Quantity,
+    load_factor,
+    use_of,
+)
 
 Array = NDArray[np.float64]
 
@@ -28,6 +41,8 @@ def panel_grid(labels: Sequence[str], columns: int) -> tuple[Figure, list[Axes]]
     grid = figure.subplots(rows, columns, squeeze=False, sharex=True).ravel()
     for axes, label in zip(grid, labels, strict=False):
         axes.set_ylabel(label)
+        if label == LONGITUDE.label:
+            number_on_one_turn(axes.yaxis)
     for axes in grid[len(labels) :]:
         axes.remove()
     panels = list(grid[: len(labels)])
@@ -36,6 +51,15 @@ def panel_grid(labels: Sequence[str], columns: int) -> tuple[Figure, list[Axes]]
         axes.tick_params(labelbottom=True)
     figure.align_ylabels(panels)
     return figure, panels
+
+
+def number_on_one_turn(axis: Axis) -> None:
+    """Longitudes on [−180, 180), though a track that crosses the date line goes on beyond."""
+
+    def number(longitude: float, _: int) -> str:
+        return f"{(longitude + 180.0) % 360.0 - 180.0:g}".replace("-", "−")
+
+    axis.set_major_formatter(FuncFormatter(number))
 
 
 def draw_bundle(
@@ -57,25 +81,56 @@ def draw_bundle(
 
 
 def draw_limits(axes: Axes, levels: Sequence[float]) -> None:
-    """Dashed horizontal lines at `levels`, in the panel's unit."""
+    """Dashed horizontal lines at `levels`, in the panel's unit, well inside what is drawn so far."""
     for level in levels:
+        low, high = axes.get_ylim()
+        room = 0.06 * (max(high, level) - min(low, level))
+        axes.set_ylim(min(low, level - room), max(high, level + room))
         axes.axhline(level, color=LIMIT_COLOUR, linewidth=1.2, linestyle=(0, (5, 3)))
 
 
 def control_limits(mission: Mission) -> tuple[tuple[float, ...], ...]:
-    """Limits (SI, rad) of angle of attack, bank angle and bank rate."""
-    schedule, limits = mission.vehicle.angle_of_attack, mission.limits
+    """Limits (SI, rad) of angle of attack, which follows its schedule, bank angle and bank rate."""
+    limits = mission.limits
     return (
-        (schedule.start_angle, schedule.end_angle),
+        (),
         (-limits.bank_angle, limits.bank_angle),
         (-limits.bank_rate, limits.bank_rate),
     )
 
 
-def path_limits(mission: Mission) -> tuple[float, float, float]:
-    """Limits (SI) of dynamic pressure, heat flux and load factor."""
+@dataclass(frozen=True)
+class Load:
+    """A limit on the path that is drawn over time."""
+
+    name: str
+    index: int  # among PathLimits.names
+    quantity: Quantity
+    limit: float  # SI
+
+    def value(self, use: Any, limits: PathLimits) -> Array:
+        """The load (SI) from the use of its limit, of a mission or of a family."""
+        own = limits.loads[self.index] if self.index < len(limits.loads) else self.limit
+        return np.asarray(use * own)
+
+
+def loads(mission: Mission) -> tuple[Load, ...]:
+    """Dynamic pressure, heat flux, load factor and a drag floor; no-fly zones stand on the map."""
     limits = mission.limits
-    return limits.dynamic_pressure, limits.heat_flux, limits.load_factor
+    known = {
+        "dynamic_pressure": (DYNAMIC_PRESSURE, limits.dynamic_pressure),
+        "heat_flux": (HEAT_FLUX, limits.heat_flux),
+        "load_factor": (
+            load_factor(mission.flight_model.planet.load_factor_gravity),
+            limits.load_factor,
+        ),
+    }
+    names = PathLimits.of(mission).on_the_path
+    return tuple(
+        Load(name, i, *known.get(name, (use_of(name), 1.0)))
+        for i, name in enumerate(names)
+        if not name.startswith("no_fly_zone")
+    )
 
 
 def draw_quantity_limits(axes: Axes, quantity: Quantity, levels: Sequence[float]) -> None:
@@ -101,4 +156,7 @@ def marker_key(label: str, marker: str, colour: str = INK) -> Line2D:
 
 def place_legend(figure: Figure, keys: Sequence[Line2D]) -> None:
     """One legend for all panels, under them."""
-    figure.legend(handles=list(keys), loc="outside lower center", ncols=min(len(keys), 5))
+    columns = len(keys) if len(keys) <= 6 else -(-len(keys) // 2)
+    legend = figure.legend(handles=list(keys), loc="outside lower center", ncols=columns)
+    for text in legend.get_texts():
+        text.set_parse_math(False)  # a $ in a campaign's name is a dollar

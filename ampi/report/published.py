@@ -5,7 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+from ampi.missions.mission import Mission, load_mission, shipped_missions
+
 PAPER_MISSION = "shefex3"
+# what makes a mission the one of its name; grid, mesh and optimum are the user's
+_PHYSICAL = {"name", "planet", "atmosphere", "vehicle", "entry", "target", "limits", "no_fly_zone"}
 PAPER_FLIGHTS = 1000
 
 
@@ -41,3 +45,16 @@ PAPER = (
         area=5032.0,
     ),
 )
+
+
+def is_shipped(mission: Mission) -> bool:
+    """Whether it is a mission of this package, whatever its grid: a name alone says nothing."""
+    if mission.name not in shipped_missions():
+        return False
+    shipped = load_mission(mission.name)
+    return mission.model_dump(include=_PHYSICAL) == shipped.model_dump(include=_PHYSICAL)
+
+
+def is_of_the_paper(mission: Mission) -> bool:
+    """Whether the paper's numbers may stand beside those of this mission."""
+    return mission.name == PAPER_MISSION and is_shipped(mission)

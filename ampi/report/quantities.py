@@ -36,6 +36,16 @@ class Quantity:
         return np.asarray(values * self.per_si)
 
 
+def load_factor(gravity: float) -> Quantity:
+    """The load factor in units of `gravity` (m/s²), which is the planet's or the mission's own."""
+    return Quantity("Load factor", f"g₀ = {gravity:.4g} m/s²", 1.0)
+
+
+def use_of(limit: str) -> Quantity:
+    """The use of a limit: 1 where it is reached."""
+    return Quantity(f"{limit.replace('_', ' ').capitalize()}, use", "–", 1.0)
+
+
 TIME = Quantity("Time since entry interface", "s", 1.0)
 ALTITUDE = Quantity("Altitude", "km", KILO)
 LONGITUDE = Quantity("Longitude", "deg", DEGREES)
@@ -49,11 +59,8 @@ ANGLE_OF_ATTACK = Quantity("Angle of attack", "deg", DEGREES)
 
 ENTRY_QUANTITIES = (ALTITUDE, LONGITUDE, LATITUDE, SPEED, FLIGHT_PATH_ANGLE, AZIMUTH)
 CONTROL_QUANTITIES = (ANGLE_OF_ATTACK, BANK_ANGLE, BANK_RATE)
-PATH_QUANTITIES = (
-    Quantity("Dynamic pressure", "kPa", KILO),
-    Quantity("Heat flux", "MW/m²", MEGA),
-    Quantity("Load factor", "g₀", 1.0),
-)
+DYNAMIC_PRESSURE = Quantity("Dynamic pressure", "kPa", KILO)
+HEAT_FLUX = Quantity("Heat flux", "MW/m²", MEGA)
 EAST = Quantity("East of target", "km", KILO)
 NORTH = Quantity("North of target", "km", KILO)
 CROSSRANGE = Quantity("Crossrange", "km", KILO)

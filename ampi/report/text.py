@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from textwrap import wrap
 
 from ampi.missions.mission import Mission
-from ampi.report.verdict_tables import Cell, Group, VerdictTable, verdict_tables
+from ampi.report.verdict_tables import Cell, Group, VerdictTable, coincident, verdict_tables
 from ampi.simulation.monte_carlo import Flights
 
 WIDTH = 100
@@ -19,6 +19,7 @@ def verdict_text(mission: Mission, campaigns: Mapping[str, Flights]) -> str:
     lines = [f"{mission.title}: {_flown(campaigns)}"]
     for words in sorted({flights.dispersions.in_words(mission) for flights in campaigns.values()}):
         lines += wrap(f"Offsets from the nominal, {words}", WIDTH, subsequent_indent=" " * GAP)
+    lines += coincident(campaigns)
     for table in verdict_tables(mission, campaigns):
         lines += ["", table.title.upper()]
         for group in table.groups:
@@ -39,9 +40,22 @@ def _block(table: VerdictTable, group: Group) -> list[str]:
         max(len(quantity), *(len(row[i]) for row in texts.values()))
         for i, quantity in enumerate(group.quantities)
     ]
-    lines = [group.name, _row("", group.quantities, widths)]
-    lines += [_row(label, row, widths) for label, row in texts.items()]
+    lines = [group.name]
+    for part in _parts(widths):
+        lines.append(_row("", group.quantities[part], widths[part]))
+        lines += [_row(label, row[part], widths[part]) for label, row in texts.items()]
     return lines
+
+
+def _parts(widths: list[int]) -> list[slice]:
+    """Columns side by side, as many as one line holds."""
+    parts, start, used = [], 0, LABEL
+    for i, width in enumerate(widths):
+        if used + GAP + width > WIDTH and i > start:
+            parts.append(slice(start, i))
+            start, used = i, LABEL
+        used += GAP + width
+    return [*parts, slice(start, len(widths))]
 
 
 def _row(label: str, texts: tuple[str, ...] | list[str], widths: list[int]) -> str:

@@ -151,7 +151,13 @@ class AreaRatio:
     high: float
 
     def __str__(self) -> str:
-        return f"{100 * self.ratio:.2g} % [{100 * self.low:.2g}, {100 * self.high:.2g}]"
+        shown = [_two_digits(100.0 * value) for value in (self.ratio, self.low, self.high)]
+        return f"{shown[0]} % [{shown[1]}, {shown[2]}]"
+
+
+def _two_digits(value: float) -> str:
+    """At least two, and no power of ten above one."""
+    return f"{value:,.0f}" if abs(value) >= 99.5 else f"{value:.2g}"
 
 
 def footprint_ratio(flights: Flights, baseline: Flights) -> AreaRatio:

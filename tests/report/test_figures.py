@@ -5,15 +5,18 @@ from __future__ import annotations
 import re
 from collections.abc import Callable
 from dataclasses import replace
+from pathlib import Path
 
 import matplotlib
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
+from matplotlib.patches import Circle
 
-from ampi.missions.mission import Mission
+from ampi.missions.mission import Mission, NoFlyZoneSection
 from ampi.onboard.reference import Mode, ReferenceGenerator
 from ampi.onboard.table import GuidanceTable
+from ampi.outputs import check_output
 from ampi.physics.planet import destination
 from ampi.report.campaign_figures import (
     campaign_constraints,
@@ -36,8 +39,23 @@ from ampi.report.footprint_figures import (
     footprint_ellipse,
     logarithmic_bins,
 )
-from ampi.report.ground_track import tangent_plane
-from ampi.report.look import MODE_LOOKS, ImageFormat, image_bytes
+from ampi.report.ground_track import (
+    TrackBundle,
+    draw_ground_tracks,
+    draw_target_window,
+    map_and_window,
+    tangent_plane,
+)
+from ampi.report.look import (
+    INK,
+    LIMIT_COLOUR,
+    MODE_LOOKS,
+    ImageFormat,
+    house_style,
+    image_bytes,
+    new_figure,
+    save_figure,
+)
 from ampi.report.runge_figure import runge_phenomenon
 from ampi.report.single import reference_figure, trajectory_figure
 from ampi.simulation.monte_carlo import Flights
@@ -222,3 +240,158 @@ def test_same_figure_same_bytes_and_settings_untouched(image_format: ImageFormat
         runge_phenomenon(), image_format
     )
     assert dict(matplotlib.rcParams) == before
+
+
+@house_style
+def small_figure() -> Figure:
+    figure = new_figure(2.0, 2.0)
+    figure.subplots().plot([0.0, 1.0], [0.0, 1.0])
+    return figure
+
+
+def test_a_figure_is_matplotlibs_and_ours_alone(tmp_path: Path) -> None:
+    own = image_bytes(small_figure())
+    with matplotlib.rc_context(
+        {"font.size": 30.0, "lines.linewidth": 9.0, "savefig.bbox": "tight"}
+    ):
+        assert image_bytes(small_figure()) == own
+    for suffix in ("png", "svg", "pdf"):
+        path = tmp_path / f"figure.{suffix}"
+        save_figure(path, small_figure(), "ampi solve")
+        first = path.read_bytes()
+        check_output(path, made_by="ampi solve")
+        save_figure(path, small_figure(), "ampi solve")
+        assert path.read_bytes() == first
+
+
+def test_the_angle_of_attack_follows_its_schedule_and_has_no_limit(
+    mission: Mission, table: GuidanceTable, campaigns: dict[str, Flights]
+) -> None:
+    for figure in (database_controls(mission, table), campaign_controls(mission, campaigns)):
+        panels = [a for a in figure.axes if a.get_ylabel().startswith("Angle of attack")]
+        assert panels
+        for axes in panels:
+            assert not [line for line in axes.lines if line.get_color() == LIMIT_COLOUR]
+
+
+def test_limits_lie_inside_their_panels(mission: Mission, campaigns: dict[str, Flights]) -> None:
+    for figure in (campaign_controls(mission, campaigns), campaign_constraints(mission, campaigns)):
+        for axes in figure.axes:
+            low, high = axes.get_ylim()
+            for line in axes.lines:
+                level = float(np.asarray(line.get_ydata())[0])
+                room = 0.02 * (high - low)
+                assert low + room < level < high - room
+
+
+def test_an_optimum_is_drawn_with_its_status_and_its_loads(
+    mission: Mission, table: GuidanceTable
+) -> None:
+    trajectory = nominal_trajectory(mission, table)
+    labels = [axes.get_ylabel() for axes in trajectory_figure(mission, trajectory).axes]
+    assert {"Dynamic pressure (kPa)", "Heat flux (MW/m²)"} <= set(labels)
+    assert "Load factor (g₀ = 9.782 m/s²)" in labels
+    missed = replace(trajectory, status=Status.TARGET_MISSED)
+    for one, colour in ((trajectory, INK), (missed, LIMIT_COLOUR)):
+        title = trajectory_figure(mission, one).texts[0]
+        assert one.status.name in title.get_text()
+        assert title.get_color() == colour
+    dear = mission.model_copy(update={"title": "a $vehicle$ for 5 $ [x] :100:"})
+    assert dear.title in trajectory_figure(dear, trajectory).texts[0].get_text()
+
+
+def test_a_private_mission_has_its_own_circles(
+    mission: Mission, campaigns: dict[str, Flights]
+) -> None:
+    own = mission.target.model_copy(update={"position_tolerance": 2e3, "radii": (1e3, 8e3)})
+    private = mission.model_copy(update={"name": "private", "target": own})
+    figure = campaign_footprint(private, campaigns)
+    drawn = {round(c.radius, 6) for c in figure.axes[0].patches if isinstance(c, Circle)}
+    assert drawn == {1.0, 2.0, 8.0}
+    assert figure.axes[0].get_title().startswith("Radii of the mission")
+    assert campaign_footprint(mission, campaigns).axes[0].get_title().startswith("Circles of Table")
+    lines = campaign_histograms(private, campaigns).axes[2].lines
+    assert [float(np.asarray(line.get_xdata())[0]) for line in lines] == [1.0, 8.0]
+
+
+def test_what_a_footprint_cuts_off_it_names(
+    mission: Mission, campaigns: dict[str, Flights]
+) -> None:
+    near = campaign_footprint(mission, campaigns).axes[2]
+    half = near.get_xlim()[1]
+    beyond = sum(
+        int(np.count_nonzero(np.maximum(np.abs(f.across), np.abs(f.along))[f.reached] > 1e3 * half))
+        for f in campaigns.values()
+    )
+    title = near.get_title().splitlines()
+    assert title[:2] == ["95 % ellipse of ampi", f"{beyond} end points outside"]
+    assert title[2] == "ellipses cut off: nominal, mpi"
+
+
+def test_no_track_lies_under_the_window(mission: Mission, campaigns: dict[str, Flights]) -> None:
+    chart, window = campaign_ground_tracks(mission, campaigns).axes
+    assert not chart.child_axes
+    assert not chart.get_window_extent().overlaps(window.get_window_extent())
+
+
+def crossing(mission: Mission, latitude: float) -> TrackBundle:
+    """One track over the date line from 170° E to 170° W, kept on one turn."""
+    longitude = np.radians(np.linspace(170.0, 190.0, 30))[None]
+    return TrackBundle(
+        longitude=longitude,
+        latitude=np.full_like(longitude, np.radians(latitude)),
+        final=np.array([[longitude[0, -1], np.radians(latitude)]]),
+        colour="C0",
+        marker="o",
+    )
+
+
+def test_a_map_has_no_line_across_the_date_line(mission: Mission) -> None:
+    target = mission.target.model_copy(
+        update={"longitude": np.radians(-170.0), "latitude": np.radians(60.0)}
+    )
+    zone = NoFlyZoneSection.model_validate(
+        {"longitude_deg": -179.0, "latitude_deg": 61.0, "radius_km": 50.0}
+    )
+    here = mission.model_copy(update={"target": target, "no_fly_zone": (zone,)})
+    figure, chart, window = map_and_window()
+    draw_ground_tracks(chart, here, [crossing(here, 60.0)])
+    draw_target_window(window, here, [crossing(here, 60.0)])
+    edge, star = chart.lines[-2:]
+    assert np.asarray(star.get_xdata()) == pytest.approx([190.0])
+    x = np.asarray(edge.get_xdata(), dtype=float)
+    assert x.mean() == pytest.approx(181.0, abs=0.1)
+    assert np.ptp(x) < 3.0
+    figure.draw_without_rendering()
+    shown = [label.get_text() for label in chart.get_xticklabels()]
+    assert "−170" in shown
+    assert not [text for text in shown if text and float(text.replace("−", "-")) >= 180.0]
+
+
+def test_a_track_near_a_pole_is_drawn_in_kilometres(mission: Mission) -> None:
+    target = mission.target.model_copy(
+        update={"longitude": np.radians(190.0), "latitude": np.radians(88.0)}
+    )
+    here = mission.model_copy(update={"target": target})
+    _, chart, _ = map_and_window()
+    draw_ground_tracks(chart, here, [crossing(here, 88.0)])
+    assert chart.get_xlabel() == "East of target (km)"
+    (track,) = chart.collections[0].get_paths()
+    steps = np.hypot(*np.diff(np.asarray(track.vertices), axis=0).T)
+    assert np.ptp(steps) < 1e-3 * steps.mean()  # even steps along the parallel stay even
+    assert steps.mean() == pytest.approx(
+        6378.137 * np.sin(np.radians(2.0)) * np.radians(20 / 29), rel=0.01
+    )
+
+
+def test_coincident_modes_are_drawn_around_each_other(
+    mission: Mission, campaigns: dict[str, Flights]
+) -> None:
+    twins = {"nominal": replace(campaigns["ampi"], mode=Mode.NOMINAL), "ampi": campaigns["ampi"]}
+    for axes in campaign_states(mission, twins).axes:
+        widths = [float(collection.get_linewidths()[0]) for collection in axes.collections]
+        assert widths[0] >= 2.0 * widths[1]
+    points = campaign_footprint(mission, twins).axes[0].lines[:2]
+    assert points[0].get_markersize() > points[1].get_markersize()
+    assert {line.get_fillstyle() for line in points} == {"none"}
+    assert len({look.dashes for look in MODE_LOOKS.values()}) == len(Mode)

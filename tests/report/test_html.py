@@ -3,15 +3,20 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from html import unescape
 from html.parser import HTMLParser
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from ampi.missions.mission import Mission
 from ampi.onboard.table import GuidanceTable
+from ampi.report.exhibits import campaign_exhibits, database_exhibits
 from ampi.report.html import write_report
+from ampi.report.text import verdict_text
+from ampi.report.verdict_tables import coincident
 from ampi.simulation.monte_carlo import Flights
 from ampi.simulation.statistics import judge
 
@@ -60,7 +65,8 @@ def source(
     campaigns: dict[str, Flights],
 ) -> str:
     path = tmp_path_factory.mktemp("report") / "report.html"
-    assert write_report(path, mission, table, campaigns, EXTRA) == path
+    audit = {"Cases solved": "9 of 9"}
+    assert write_report(path, mission, table, campaigns, EXTRA, audit=audit) == path
     assert path.stat().st_size < 12e6
     return path.read_text(encoding="utf-8")
 
@@ -101,7 +107,8 @@ def test_headers_have_scope_and_rows_are_whole(page: Page) -> None:
     assert all(a.get("scope") in ("col", "row", "rowgroup") for a in page.named("th"))
     assert page.named("html")[0]["lang"] == "en"
     assert [a for a in page.named("meta") if a.get("name") == "viewport"]
-    assert set(map(len, page.rows)) <= {1, 4, 6}  # group heading; ours; ours and the paper's
+    group, axes, ours, with_the_papers, dispersions = 1, 4, 4, 6, 8
+    assert set(map(len, page.rows)) == {group, axes, ours, with_the_papers, dispersions}
 
 
 def test_numbers_are_those_of_judge(page: Page, campaigns: dict[str, Flights]) -> None:
@@ -119,7 +126,7 @@ def test_numbers_are_those_of_judge(page: Page, campaigns: dict[str, Flights]) -
 
 
 def test_paper_columns_carry_table_5(page: Page) -> None:
-    header = next(row for row in page.rows if row[0] == "Quantity")
+    header = next(row for row in page.rows if "AMPI 2016" in row)
     nominal, ampi = header.index("nominal 2016"), header.index("AMPI 2016")
     printed = [row for row in page.rows if row[0] in ("25 to 50 km", "50 to 75 km", "outside")]
     assert [row[nominal].split()[0] for row in printed] == ["242", "12", "0"]
@@ -145,12 +152,58 @@ def test_other_missions_are_not_compared(
     table: GuidanceTable,
     campaigns: dict[str, Flights],
 ) -> None:
-    monkeypatch.setattr("ampi.report.html._drawn", lambda exhibits: [])  # the words alone
-    other = mission.model_copy(update={"name": "other", "title": "Another vehicle"})
-    alone = {"ampi": campaigns["ampi"]}
-    text = write_report(tmp_path / "r.html", other, table, alone, {}).read_text(encoding="utf-8")
-    assert "2016" not in text
-    assert "surrogate" not in text
+    monkeypatch.setattr("ampi.report.html._drawn", lambda *_: [])  # the words alone
+    target = mission.target.model_copy(update={"position_tolerance": 2e3})
+    lighter = mission.vehicle.model_copy(update={"mass": 499.0})
+    for change in ({"name": "other"}, {"vehicle": lighter}):  # a name alone makes no mission
+        other = mission.model_copy(update={"target": target, **change})
+        alone = {"ampi": campaigns["ampi"]}
+        text = write_report(tmp_path / "r.html", other, table, alone, {}).read_text("utf-8")
+        assert not re.search(r"2016|paper|Table 5|is a surrogate", text)
+        assert "Passed: within 2 km of the target, 2.5 km of its altitude and 25 m/s" in text
+        told = verdict_text(other, alone)
+        assert not re.search(r"2016|paper|Table 5", told)
+
+
+def test_captions_name_the_papers_figures_for_its_mission_alone(
+    mission: Mission, table: GuidanceTable, campaigns: dict[str, Flights]
+) -> None:
+    exhibits = (*campaign_exhibits(mission, campaigns), *database_exhibits(mission, table))
+    assert all(exhibit.after.startswith("Fig") for exhibit in exhibits)
+    said = " ".join(f"{e.title} {e.caption} {e.alternative}" for e in exhibits)
+    assert not re.search(r"Fig\.|paper|Table", said)
+
+
+def test_the_page_says_what_was_built_drawn_and_passed(
+    page: Page, mission: Mission, campaigns: dict[str, Flights]
+) -> None:
+    rows = [row for row in page.rows if row[0] == "speed_m_per_s"]
+    assert rows[0] == ["speed_m_per_s", "4712.26", "-70, 0, +70", "3"]
+    drawn = campaigns["ampi"].parameters[:, 3] - mission.entry.speed
+    assert rows[1][1] == "normal"
+    shown = [float(cell) for cell in rows[1][2:7]]
+    width = campaigns["ampi"].dispersions.half_widths[3]
+    expected = [0.0, width, drawn.min(), drawn.mean(), drawn.max()]
+    assert shown == pytest.approx(expected, rel=1e-3)
+    assert rows[1][7] == "100.0 %"
+    passed = next(row for row in page.rows if row[0] == "passed")
+    assert [int(cell.split()[0]) for cell in passed[1:]] == [
+        int(np.count_nonzero(flights.passed)) for flights in campaigns.values()
+    ]
+    failed = next(row for row in page.rows if row[0] == "position")
+    assert [int(cell) for cell in failed[1:]] == [
+        int(np.count_nonzero(flights.faults["position"])) for flights in campaigns.values()
+    ]
+    assert "Cases solved" in page.text and "9 of 9" in page.text
+
+
+def test_campaigns_that_coincide_are_named(campaigns: dict[str, Flights]) -> None:
+    assert coincident(campaigns) == ()
+    twin = replace(campaigns["ampi"], along=campaigns["ampi"].along + 0.5)
+    (sentence,) = coincident({**campaigns, "twin": twin})
+    assert sentence.startswith("twin coincides with ampi")
+    other = replace(twin, along=campaigns["ampi"].along + 2.0)
+    assert coincident({**campaigns, "other": other}) == ()
 
 
 def test_a_report_without_campaigns_is_refused(

@@ -113,3 +113,19 @@ def test_ratio_is_withheld_from_different_draws(
 )
 def test_numbers_are_short(value: float, text: str) -> None:
     assert number(value) == text
+
+
+def test_many_limits_are_told_in_several_lines(
+    mission: Mission, campaigns: dict[str, Flights]
+) -> None:
+    zones = tuple(f"no_fly_zone {k}" for k in range(1, 9))
+    ampi = campaigns["ampi"]
+    crowded = replace(
+        ampi,
+        limits=zones,
+        path=np.zeros((ampi.n, len(zones), len(ampi.times))),
+        peak=np.zeros((ampi.n, len(zones))),
+    )
+    text = verdict_text(mission, {"ampi": crowded})
+    assert max(map(len, text.splitlines())) <= WIDTH
+    assert all(text.count(f"no fly zone {k}") == 2 for k in range(1, 9))
