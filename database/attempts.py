@@ -50,6 +50,24 @@ def attempts(neighbours: Sequence[int], *, predicted: bool) -> list[Attempt]:
     return [*first, *from_neighbours, Attempt(None)]
 
 
+def is_vain(attempt: Attempt, ways: Sequence[Attempt], ended: Sequence[Status | None]) -> bool:
+    """Whether an attempt cannot lead elsewhere than those before it, which `ended` so.
+
+    If all of those in one step converged, and to no solution, that is where their branch leads: more
+    steps lead to its end, at the price of the slowest solves there are. One path is followed all the
+    same, for one step may have been too long: the shortest, from the best neighbour.
+    """
+    if attempt.steps == 1:
+        return False
+    whole = all(status is not None and status.converged for status in ended[: _direct(ways)])
+    return whole and attempt != ways[_direct(ways)]
+
+
+def _direct(ways: Sequence[Attempt]) -> int:
+    """How many attempts are made in one step from neighbours; they come first."""
+    return sum(way.steps == 1 for way in ways) - 1
+
+
 def first_start(
     grid: Grid, planned: PlannedCase, solved: Callable[[int], Trajectory | None]
 ) -> tuple[Attempt, Trajectory] | None:

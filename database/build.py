@@ -3,6 +3,7 @@
     plan        which cases, each from which neighbours         (grid, continuation, plan)
     solve       portions of cases once their neighbours are kept, and alone what those leave
                                                                 (attempts, jobs, schedule, engines)
+    again       what is not solved, from whatever is solved nearby  (second_pass)
     assemble    each block once its cases are kept              (blocks)
     merge       the blocks into one file, in index order        (writer)
 
@@ -16,7 +17,7 @@ import math
 import pickle
 import shutil
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import AbstractContextManager, closing, contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -48,6 +49,7 @@ from database.claim import claim, differences, fingerprint_of
 from database.engines import ClusterEngine, Engine, LocalEngine
 from database.gains import GainSettings
 from database.hdf5_file import decoded_block
+from database.jobs import AssembleBlock
 from database.lock import LockedError, NoLocksError, exclusive
 from database.plan import planned_tasks
 from database.provenance import provenance
@@ -62,7 +64,8 @@ from database.records import (
     record_path,
     recorded_cases,
 )
-from database.schedule import run_jobs
+from database.schedule import Task, run_jobs
+from database.second_pass import second_pass
 from database.writer import write_database
 
 MOST_CASES = 10_000_000  # of a build, which keeps a file for each
@@ -173,7 +176,9 @@ def build(
         campaign = replace(campaign, label=label_of(fingerprint))
         _keep_known(campaign, known or {})
         attributes = provenance(campaign, fingerprint)
-        return _Build(campaign, path, attributes, engine, advance or (lambda count: None)).run()
+        settled = {case for case, flown in taken_over.items() if not flown.status.ok}
+        notify = advance or (lambda count: None)
+        return _Build(campaign, path, attributes, engine, notify, settled).run()
 
 
 def _already_whole(path: Path, campaign: Campaign, fingerprint: dict[str, str]) -> BuildReport:
@@ -225,6 +230,8 @@ class _Build:
     attributes: Mapping[str, object]
     engine: Engine
     advance: Callable[[int], None]
+    settled: Collection[int]  # unsolved cases that are known: not to be tried again
+    again: set[int] = field(default_factory=set)  # blocks that a second pass has assembled anew
     began: float = field(default_factory=time.perf_counter)
 
     def run(self) -> BuildReport:
@@ -248,6 +255,7 @@ class _Build:
 
         tasks = planned_tasks(campaign, kept, self.engine.width)
         run_jobs(tasks, kept, self.engine, finished)
+        self.try_again()
         Thread(target=self.engine.close).start()  # they end while the file is written
         solve_seconds = time.perf_counter() - self.began
         tally = Tally.of(campaign.mission)
@@ -263,6 +271,30 @@ class _Build:
             seconds=time.perf_counter() - self.began,
             solve_seconds=solve_seconds,
         )
+
+    def try_again(self) -> None:
+        """A second pass over the cases that are not solved, and over the blocks that hold them."""
+        shape, unsolved = self.campaign.grid.shape, list[int]()
+        for block in blocks(shape):
+            status = decoded_block(self.block(block), block.shape, ("status",))["status"].ravel()
+            failed = np.flatnonzero(status != int(Status.SOLVED))
+            if len(failed):
+                cases = block.cases(shape)
+                found = [cases[k] for k in failed if cases[k] not in self.settled]
+                unsolved += found
+                if found:
+                    self.again.add(block.number)
+        if not unsolved:
+            return
+        self.campaign = second_pass(self.campaign, unsolved, self.engine)
+        folder, label = self.campaign.round_folder, self.campaign.label
+        tasks = (
+            Task(AssembleBlock(self.campaign, block), ())
+            for block in blocks(shape)
+            if block.number in self.again and load_block(folder, block.number, label) is None
+        )
+        done = np.ones(self.campaign.grid.size, dtype=bool)
+        run_jobs(tasks, done, self.engine, lambda case: None)
 
     def tallied(self, tally: Tally) -> Iterator[tuple[Block, bytes]]:
         """The blocks in index order, counted on the way."""
@@ -285,10 +317,12 @@ class _Build:
 
     def block(self, block: Block) -> bytes:
         """An assembled block."""
-        encoded = load_block(self.campaign.folder, block.number, self.campaign.label)
+        again = self.campaign.rounds and block.number in self.again
+        folder = self.campaign.round_folder if again else self.campaign.folder
+        encoded = load_block(folder, block.number, self.campaign.label)
         if encoded is None:
             raise BuildError(
-                f"{block_path(self.campaign.folder, block.number)} has disappeared or changed during "
+                f"{block_path(folder, block.number)} has disappeared or changed during "
                 "the build; run the same build again"
             )
         return encoded

@@ -16,7 +16,14 @@ from ampi.scp.solve import solve
 from ampi.trajectory import Trajectory
 from database.gains import GainSettings
 from database.grid import Grid
-from database.records import CaseRecord, keeping_records, load_record, record_path
+from database.records import (
+    CaseRecord,
+    again_folder,
+    is_recorded,
+    keeping_records,
+    load_record,
+    record_path,
+)
 
 MOST_MODELS = 16  # as many as a process keeps traced (scp.family_condensing)
 TIME_LIMIT = 60.0  # s for one solve: some 300 times what a hard one takes
@@ -77,6 +84,7 @@ class Campaign:
     gains: GainSettings = field(default_factory=GainSettings)
     label: str = ""  # of the build's fingerprint: its records are sealed with it
     build: str = ""  # which run of it: in one, a record never changes once kept
+    rounds: int = 0  # of the second pass (database.second_pass) whose records count
 
     @property
     def together(self) -> bool:
@@ -104,12 +112,23 @@ class Campaign:
         return _kept_trajectory(self.folder, case, self.label, self.build, self.toml)
 
     def record(self, case: int) -> CaseRecord | None:
-        """What is kept of a case; None if there is nothing whole."""
+        """What is kept of a case, by the last round that tried it; None if that is not whole."""
+        for rounds in range(self.rounds, 0, -1):
+            folder = again_folder(self.folder, rounds)
+            if is_recorded(folder, case):
+                return load_record(folder, case, self.mission, self.label)
         return load_record(self.folder, case, self.mission, self.label)
 
-    def keeping(self, records: Iterable[CaseRecord]) -> Callable[[], None]:
+    @property
+    def round_folder(self) -> Path:
+        """Where the last round keeps what it finds: records, and the blocks that hold them."""
+        return again_folder(self.folder, self.rounds)
+
+    def keeping(
+        self, records: Iterable[CaseRecord], folder: Path | None = None
+    ) -> Callable[[], None]:
         """Write records; what it returns puts them in place (`database.records.keeping`)."""
-        return keeping_records(self.folder, records, self.label)
+        return keeping_records(folder or self.folder, records, self.label)
 
 
 def lost(folder: Path, case: int) -> str:

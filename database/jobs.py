@@ -6,8 +6,9 @@ others to `SolveCase`, one by one. That one begins with the same attempt, to the
 does not show which of the two has made it, and portions may be cut anywhere.
 
 A case is tried from each neighbour at once, then along paths of more and more steps in p, at last from
-nothing. An attempt that fails, raises or exceeds its time limit is a line of the record, and the next
-one follows; a case without a solution is a record with a status, never a hole.
+nothing; what is still unsolved when all is done is tried once more (database.second_pass). An attempt
+that fails, raises or exceeds its time limit is a line of the record, and the next one follows; a case
+without a solution is a record with a status, never a hole.
 
 A job depends on the mission and on records already kept, on nothing else. It may be run anywhere, any
 number of times, and always keeps the same result.
@@ -26,11 +27,12 @@ from pathlib import Path
 from ampi.job import JobError
 from ampi.scp.shortfall import verdict
 from ampi.scp.solve import solve_family
-from ampi.trajectory import Trajectory
+from ampi.trajectory import Status, Trajectory
 from database.attempts import (
     attempts,
     first_start,
     follow,
+    is_vain,
     no_trajectory,
     path_to,
     stopped_after,
@@ -135,7 +137,7 @@ class SolveTogether(Job):
             for (case, attempt, _), flown in zip(ready, found, strict=True)
             if flown is not None
         ]
-        return _keeper().submit(campaign.keeping(records))
+        return keeper().submit(campaign.keeping(records))
 
     def without(self, attempt: int) -> SolveTogether:
         """Nothing: each case will be tried alone."""
@@ -146,7 +148,7 @@ class SolveTogether(Job):
 
 
 @lru_cache(maxsize=1)
-def _keeper() -> ThreadPoolExecutor:
+def keeper() -> ThreadPoolExecutor:
     """The thread that waits for the disk."""
     return ThreadPoolExecutor(1)
 
@@ -180,7 +182,12 @@ class SolveCase(Job):
         continued = predicted(grid, self.planned.case, self.campaign.solved)
         log, solves = list[str](), 0
         best: Trajectory | None = None
-        for number, attempt in enumerate(attempts(list(starts), predicted=continued is not None)):
+        ways = attempts(list(starts), predicted=continued is not None)
+        ended: list[Status | None] = []  # by attempt; None if there is no trajectory
+        for number, attempt in enumerate(ways):
+            ended.append(None)
+            if is_vain(attempt, ways, ended):
+                continue
             if number in self.overdue:
                 limit = self.campaign.time_limit
                 log.append(f"{attempt}: Stopped at the time limit of {limit:g} s.")
@@ -196,6 +203,7 @@ class SolveCase(Job):
                 log.append(f"{attempt}: {type(error).__name__}: {error}")
                 continue
             solves += count
+            ended[-1] = flown.status
             log.append(f"{attempt}: {verdict(path[count - 1], flown)}")
             if flown.status.ok:
                 best, log = flown, log[-1:]
@@ -205,7 +213,7 @@ class SolveCase(Job):
         trajectory = no_trajectory(mission.pseudospectral_mesh) if best is None else best
         seconds = time.perf_counter() - began
         record = CaseRecord(self.planned.case, trajectory, "; ".join(log), solves, seconds)
-        return _keeper().submit(self.campaign.keeping([record]))
+        return keeper().submit(self.campaign.keeping([record]))
 
     def without(self, attempt: int) -> SolveCase:
         """The same case along the other paths."""
@@ -236,7 +244,7 @@ class AssembleBlock(Job):
     @property
     def result(self) -> Path:
         """The block's file."""
-        return block_path(self.campaign.folder, self.block.number)
+        return block_path(self.campaign.round_folder, self.block.number)
 
     def compute(self, announce: Callable[[int], None]) -> Future[None]:
         """Assemble and keep."""
@@ -252,7 +260,8 @@ class AssembleBlock(Job):
             values = assemble(mission, self.block, records, self.campaign.gains)
         encoded = encoded_block(values, block_shape(self.campaign.grid.shape))
         label = self.campaign.label
-        return _keeper().submit(keeping_block(folder, self.block.number, encoded, label))
+        keeping = keeping_block(self.campaign.round_folder, self.block.number, encoded, label)
+        return keeper().submit(keeping)
 
     def without(self, attempt: int) -> Job:
         """There is one way only."""

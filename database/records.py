@@ -5,6 +5,7 @@
     mission.toml       the mission itself, so that a case can be examined before the file is whole
     case_000042.rec    one solved or failed case: see `CaseRecord.packed`
     block_000003.rec   a run of cases in index order, with gains and re-integration, ready to merge
+    again_01           records and blocks of a second pass over what was not solved, round by round
     lock               held by the process that builds
 
 Every file is written under another name, flushed to disk and renamed: a process that dies at any moment
@@ -19,6 +20,7 @@ import json
 import math
 import os
 import re
+import shutil
 import socket
 import zlib
 from collections.abc import Callable, Iterable, Iterator, Mapping
@@ -174,6 +176,11 @@ def _delete_parts(folder: Path) -> None:
         _delete(f"{folder}{os.sep}{name}" for name in _names(folder) if name.endswith(".tmp"))
 
 
+def again_folder(folder: Path, rounds: int) -> Path:
+    """Where the last of so many rounds of the second pass keeps its records; `folder` for none."""
+    return folder / f"again_{rounds:02d}" if rounds else folder
+
+
 def record_path(folder: Path, case: int) -> Path:
     """File of one case."""
     return folder / _record_name(case)
@@ -321,6 +328,8 @@ def count_records(folder: Path) -> int:
 
 def discard_records(folder: Path) -> None:
     """Empty the folder of records; what they belong to goes last, so no record is ever orphaned."""
+    for again in folder.glob("again_*"):
+        shutil.rmtree(again)
     results = (f"{folder}{os.sep}{name}" for name in _names(folder) if _RESULT.fullmatch(name))
     taking = Lock()
 

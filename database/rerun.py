@@ -6,7 +6,7 @@ file or from the records of a build under way. Nothing is written.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -18,12 +18,13 @@ from ampi.missions.mission import Mission, parse_mission
 from ampi.scp.shortfall import verdict
 from ampi.scp.solve import solve
 from ampi.trajectory import Trajectory
-from database.attempts import attempts, follow, no_trajectory, path_to
+from database.attempts import Attempt, attempts, follow, is_vain, no_trajectory, path_to
 from database.campaign import Campaign, Solver, require_solver
 from database.continuation import planned
 from database.grid import Grid
 from database.prediction import predicted
 from database.records import FINGERPRINTS, label_of, load_record, read_fingerprint
+from database.second_pass import nearby
 
 PATIENCE = 86400.0  # s for one solve: a person is watching, and can stop it
 
@@ -97,7 +98,11 @@ def rerun(
     starts = _solved_neighbours(grid, case, stored)
     continued = predicted(grid, case, lambda corner: _solved(stored, corner))
     results: list[AttemptResult] = []
-    for attempt in attempts(list(starts), predicted=continued is not None):
+    ways = attempts(list(starts), predicted=continued is not None)
+    for attempt in [*ways, *_from_nearby(grid, case, stored, starts)]:
+        ended = [r.trajectory.status if r.trajectory is not None else None for r in results]
+        if attempt in ways and is_vain(attempt, ways, ended):
+            continue
         start = continued if attempt.predicted else None
         if attempt.neighbour is not None:
             start = starts[attempt.neighbour]
@@ -160,6 +165,17 @@ def _solved_neighbours(grid: Grid, case: int, stored: Stored) -> dict[int, Traje
     (here,) = planned(grid, np.array([case]))
     found = {neighbour: _solved(stored, neighbour) for neighbour in here.neighbours}
     return {neighbour: start for neighbour, start in found.items() if start is not None}
+
+
+def _from_nearby(
+    grid: Grid, case: int, stored: Stored, starts: dict[int, Trajectory]
+) -> Iterator[Attempt]:
+    """As in the second pass, from whatever is solved beside the case and not tried yet."""
+    for near, _ in nearby(grid, case):
+        start = None if near in starts else _solved(stored, near)
+        if start is not None:
+            starts[near] = start
+            yield Attempt(near)
 
 
 def _solved(stored: Stored, case: int) -> Trajectory | None:

@@ -12,6 +12,8 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+import numpy as np
+
 import database
 from ampi.dataset import read_dataset
 from ampi.missions.mission import Mission, load_mission
@@ -104,6 +106,17 @@ def misses(mission: Mission, *, guess: Trajectory | None = None) -> Trajectory:
     """The target, at greater speeds."""
     status = Status.TARGET_MISSED if _fast(mission) else Status.SOLVED
     return replace(moved(mission, guess), status=status)
+
+
+def roundabout(mission: Mission, *, guess: Trajectory | None = None) -> Trajectory:
+    """At greater speeds: steep entries from anywhere, others from the next steeper at the same speed."""
+    found = moved(mission, guess)
+    steeper = mission.entry_state[4] - load_mission("shefex3").entry.flight_path_angle
+    if not _fast(mission) or steeper < -1e-6:
+        return found
+    step = np.zeros(6) if guess is None else mission.entry_state - guess.states[:6, 0]
+    beside = abs(step[3]) < 1e-6 and step[4] > 1e-6
+    return found if beside else replace(found, status=Status.STALLED)
 
 
 @dataclass(frozen=True)

@@ -83,7 +83,7 @@ def test_a_finished_build_is_found_whole_and_its_failures_told_again(
     path, first, options = holed
     before = path.stat()
     again = database.build(small_mission, path, **options)
-    assert path.stat() == before
+    assert (path.stat().st_ino, path.stat().st_mtime_ns) == (before.st_ino, before.st_mtime_ns)
     assert (again.already_whole, first.already_whole) == (True, False)
     for name in ("cases", "solved", "failures", "failure_summary", "worst_position_error"):
         assert getattr(again, name) == getattr(first, name)
