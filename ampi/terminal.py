@@ -9,7 +9,7 @@ from typing import Any
 # of ours, where the encoding is not UTF-8; what else it lacks, a file's name say, is printed by its code
 SIGNS: dict[str, str | int | None] = {
     **{"→": "->", "←": "<-", "…": "...", "–": "-", "−": "-", "·": "*", "×": "x", "½": "1/2"},
-    **{"°": " deg", "²": "2", "³": "3", "±": "+/-", "≤": "<=", "≥": ">=", "≈": "~"},
+    **{"°": " deg", "²": "2", "³": "3", "±": "+/-", "σ": " sigma", "≤": "<=", "≥": ">=", "≈": "~"},
 }
 
 

@@ -126,6 +126,8 @@ def _read(job: bytes) -> Job[Any]:
 def _raised(error: BaseException) -> Raised:
     if isinstance(error, OSError | JobError):  # a full disk, a folder gone: the user is told
         return Raised(error)
+    if isinstance(error, MemoryError):
+        return Raised(JobError(f"a worker is out of memory: {error}; try fewer worker processes"))
     traceback.print_exception(error)  # a defect; not every class survives the pipe, its text does
     return Raised(JobError(f"{type(error).__name__}: {error}"))
 

@@ -139,6 +139,10 @@ def audit(
     n_jobs
         Worker processes for the probes.
     """
+    if not isinstance(dataset, TrajectoryDataset):
+        raise ValueError(
+            f"dataset: expected a database, from ampi.dataset.read_dataset(path), got {dataset!r:.60}"
+        )
     if isinstance(probes, bool) or not isinstance(probes, int) or probes < 0:
         raise ValueError(f"probes: expected a non-negative number, got {probes!r}")
     require_seed(seed)

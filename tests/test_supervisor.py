@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -32,7 +33,7 @@ class Counted:
     number: int
     folder: Path
     deaths: int = 0
-    fails: bool = False
+    fails: type[Exception] | None = None
     seconds: float = 0.0
 
     def compute(self, announce: Callable[[int], None]) -> Future[tuple[int, int]]:
@@ -42,8 +43,8 @@ class Counted:
         time.sleep(self.seconds)
         if begun < self.deaths:
             os.kill(os.getpid(), signal.SIGKILL)
-        if self.fails:
-            raise OSError(28, "No space left on device")
+        if self.fails is not None:
+            raise self.fails("no room")
         return finished((self.number, os.getpid()))
 
     def without(self, attempt: int) -> Counted:
@@ -87,9 +88,24 @@ def test_a_job_that_always_kills_its_worker_is_one_sentence(
         results(jobs, 2)
 
 
-def test_what_a_job_raises_is_raised_here(counted: type[Counted], tmp_path: Path) -> None:
-    with pytest.raises(OSError, match="No space left on device"):
-        results([counted(0, tmp_path, fails=True), counted(1, tmp_path)], 2)
+@pytest.mark.parametrize(
+    ("kind", "raised", "message"),
+    [
+        (OSError, OSError, "no room"),
+        (MemoryError, JobError, "a worker is out of memory: no room; try fewer worker processes"),
+    ],
+)
+def test_what_befalls_a_job_is_told_here(
+    counted: type[Counted],
+    tmp_path: Path,
+    capfd: pytest.CaptureFixture[str],
+    kind: type[Exception],
+    raised: type[Exception],
+    message: str,
+) -> None:
+    with pytest.raises(raised, match=message):
+        results([counted(0, tmp_path, fails=kind), counted(1, tmp_path)], 2)
+    assert "Traceback" not in capfd.readouterr().err
 
 
 @pytest.mark.parametrize(("count", "n_jobs"), [(3, 1), (1, 4), (0, 2)])
@@ -253,3 +269,17 @@ def test_nothing_beside_the_users_data_is_run(folder: Path, tmp_path: Path) -> N
             check=False,
         )
         assert done.returncode == 0, done.stderr
+
+
+@pytest.mark.skipif(not hasattr(os, "sched_setaffinity"), reason="the system pins no process")
+def test_there_are_as_many_workers_as_processors_that_may_be_used() -> None:
+    """A container, or a batch system, gives a process fewer than the machine has."""
+    one = {min(os.sched_getaffinity(0))}
+    done = subprocess.run(
+        [sys.executable, "-m", "ampi.cli", "fly", "--help"],
+        preexec_fn=lambda: os.sched_setaffinity(0, one),
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    assert re.search(r"Worker processes\. \[default: 1\]", done.stdout)

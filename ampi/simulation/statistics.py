@@ -107,6 +107,8 @@ class Verdict:
 
 def judge(flights: Flights) -> Verdict:
     """Statistics of one campaign. A flight that did not reach the target speed is in no circle."""
+    if not isinstance(flights, Flights):
+        raise ValueError(f"flights: expected Flights, from ampi.fly, got {flights!r:.60}")
     good = flights.reached
     miss = np.where(good, flights.miss, np.inf)
     edges = (0.0, *TABLE_5_RADII, np.inf)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -47,9 +48,21 @@ def test_probes_depend_on_the_seed_alone(small_database: Path) -> None:
     assert one == two
 
 
-def test_negative_probes_are_refused(small_database: Path) -> None:
-    with pytest.raises(ValueError, match="probes: expected a non-negative number, got -1"):
-        audit(read_dataset(small_database), probes=-1)
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"probes": -1}, "probes: expected a non-negative number, got -1"),
+        ({"probes": 2.5}, r"probes: expected a non-negative number, got 2\.5"),
+        ({"seed": -1}, "seed: expected a whole number, 0 or greater, got -1"),
+        ({"n_jobs": 0}, "n_jobs: expected at least 1 worker process, got 0"),
+        ({"dataset": "small.h5"}, "dataset: expected a database, .* got 'small.h5'"),
+    ],
+)
+def test_misuse_is_one_sentence(
+    small_database: Path, options: dict[str, Any], message: str
+) -> None:
+    with pytest.raises(ValueError, match=message):
+        audit(**{"dataset": read_dataset(small_database), **options})
 
 
 def test_failed_cases_leave_unknown_what_they_hide_and_nothing_else(small_database: Path) -> None:
