@@ -335,10 +335,14 @@ def _agree_to_build(
 ) -> None:
     """Say what it will take; before a large build ask, and where nobody can be asked refuse."""
     from ampi.dataset import partial_folder
-    from database.estimate import estimate
+    from database.estimate import MOST_EVER, estimate
 
     workers = jobs if client is None else max(1, sum(client.nthreads().values()))
     found = estimate(mission, path, workers=workers)
+    if not found.possible:
+        raise ValueError(
+            f"{found}; expected at most {MOST_EVER:,} cases: give the axes fewer points"
+        )
     asked = sys.stdin.isatty() and sys.stderr.isatty()
     if sys.stderr.isatty() or (yes and found.large):
         error_out.print(str(found))

@@ -47,6 +47,7 @@ from database.build_report import TALLIED, BuildReport, Tally
 from database.campaign import TIME_LIMIT, BuildError, Campaign, Solver, lost
 from database.claim import claim, differences, fingerprint_of
 from database.engines import ClusterEngine, Engine, LocalEngine
+from database.estimate import MOST_EVER
 from database.gains import GainSettings
 from database.hdf5_file import decoded_block
 from database.jobs import AssembleBlock
@@ -68,7 +69,6 @@ from database.schedule import Task, run_jobs
 from database.second_pass import second_pass
 from database.writer import write_database
 
-MOST_CASES = 10_000_000  # of a build, which keeps a file for each
 KNOWN_AT_ONCE = 256  # files open at the same time
 
 
@@ -138,9 +138,9 @@ def build(
     if not 0.0 < time_limit < np.inf:
         raise BuildError(f"time_limit: expected a positive number of seconds, got {time_limit}")
     size = math.prod(len(p.offsets) for p in mission.parameters)
-    if size > MOST_CASES:
+    if size > MOST_EVER:
         raise BuildError(
-            f"{mission.name}: expected a grid of at most {MOST_CASES:,} cases, got {size:,}; give its "
+            f"{mission.name}: expected a grid of at most {MOST_EVER:,} cases, got {size:,}; give its "
             "axes fewer points"
         )
     if not Path(path).parent.is_dir():

@@ -27,6 +27,7 @@ DRIVER_MEMORY = 130e6  # bytes
 WORKER_MEMORY = 330e6
 CASE_MEMORY = 6  # bytes of the driver: whether a case is kept, how far from the centre it lies
 
+MOST_EVER = 10_000_000  # cases: a build keeps a file for each
 MOST_CASES = 100_000  # without a question
 MOST_SECONDS = 3600.0
 
@@ -51,6 +52,11 @@ class Estimate:
             or self.seconds > MOST_SECONDS
             or self.disk_bytes > self.free_bytes
         )
+
+    @property
+    def possible(self) -> bool:
+        """Whether there can be such a build at all."""
+        return self.cases <= MOST_EVER
 
     def __str__(self) -> str:
         workers = f"{self.workers} worker{'' if self.workers == 1 else 's'}"

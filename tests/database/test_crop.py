@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import json
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -11,8 +12,10 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from typer.testing import CliRunner
 
 import database
+from ampi.cli import app
 from ampi.dataset import partial_folder, read_dataset
 from ampi.missions.mission import Mission, parse_mission
 from ampi.trajectory import Status
@@ -238,3 +241,29 @@ def test_failures_in_several_places_are_counted_by_place(small_mission: Mission)
     assert "3 × Its worker process died 3 times, by SIGSEGV." in report.failure_summary[1]
     assert "1 elsewhere" in report.failure_summary[0]
     assert "crop a.h5 --box keeps the largest box" in report.failure_summary[2]
+
+
+def test_the_command_crops_and_says_what_is_left(small_database: Path, tmp_path: Path) -> None:
+    path, output = tmp_path / "small.h5", tmp_path / "small-cropped.h5"
+    path.write_bytes(small_database.read_bytes())
+    words = ["crop", str(path), "--drop", "speed_m_per_s=4782.26", "-j", "1"]
+    done = CliRunner().invoke(app, words)
+    assert done.exit_code == 0
+    said = "6 of 9 cases, 6 of them solved; without speed_m_per_s = 4782.26"
+    assert done.stdout == f"{output}: {said}\n"
+    again = CliRunner().invoke(app, [*words, "--json"])
+    assert json.loads(again.stdout)["build"]["already_whole"] is True
+    guided = CliRunner().invoke(app, ["guide", str(output), "--speed", "4650", "--holes", "fly"])
+    assert guided.exit_code == 0
+    for words, message in (
+        (["crop", str(path), "--drop", "speed"], "--drop: expected KEY=NUMBER, got 'speed'"),
+        (
+            ["crop", str(path), "--box"],
+            "expected something to leave out, got a grid without a hole",
+        ),
+        (["guide", str(path), "--holes", "some"], "--holes: expected refuse or fly, got 'some'"),
+    ):
+        refused = CliRunner().invoke(app, words)
+        assert refused.exit_code == 2
+        assert message in refused.stderr
+        assert len(refused.stderr.splitlines()) == 1

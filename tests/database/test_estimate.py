@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import pty
 import subprocess
 import sys
 from pathlib import Path
@@ -9,8 +11,10 @@ from pathlib import Path
 import h5py
 import numpy as np
 import pytest
+from typer.testing import CliRunner
 
 import database
+from ampi.cli import app
 from ampi.dataset import FIELDS
 from ampi.missions.mission import Mission, parse_mission
 from database.campaign import BuildError
@@ -59,20 +63,49 @@ def test_an_estimate_is_near_the_file(small_mission: Mission, small_database: Pa
 def test_a_huge_grid_is_refused_at_once_and_in_little_memory(huge: str, tmp_path: Path) -> None:
     mission, path = tmp_path / "huge.toml", tmp_path / "huge.h5"
     mission.write_text(huge, encoding="utf-8")
-    for yes, told in (((), "to build that much, add --yes"), (("--yes",), "at most 10,000,000 ca")):
-        done = subprocess.run(
-            [sys.executable, "-c", MEMORY, str(mission), str(path), *yes],
-            stdin=subprocess.DEVNULL,
-            capture_output=True,
-            text=True,
-            check=False,
-        )
-        assert done.returncode == 2
-        assert "819,628,286,980,801 cases: about " in done.stderr
-        assert told in done.stderr
-        assert len(done.stderr.splitlines()) == 1 + len(yes)
-        assert int(done.stdout) < 300 * 1024  # KiB
+    done = subprocess.run(
+        [sys.executable, "-c", MEMORY, str(mission), str(path), "--yes"],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 2
+    assert done.stderr.startswith("error: 819,628,286,980,801 cases: about ")
+    assert done.stderr.endswith("expected at most 10,000,000 cases: give the axes fewer points\n")
+    assert int(done.stdout) < 300 * 1024  # KiB
     assert [f.name for f in tmp_path.iterdir()] == ["huge.toml"]
+
+
+@pytest.fixture
+def large(small_mission: Mission, tmp_path: Path) -> Path:
+    """11 points on each of five axes: 161,051 cases, too many to begin without a word."""
+    axis = np.linspace(-0.1, 0.1, 11).round(6).tolist()
+    text = small_mission.toml[: small_mission.toml.index("[grid]")]
+    path = tmp_path / "large.toml"
+    path.write_text(f"{text}[grid]\n" + "".join(f"{key} = {axis}\n" for key in KEYS))
+    return path
+
+
+def test_a_large_grid_needs_a_yes_where_nobody_can_be_asked(large: Path) -> None:
+    done = CliRunner().invoke(app, ["build", str(large), str(large.with_suffix(".h5"))])
+    assert done.exit_code == 2
+    assert "161,051 cases: about " in done.stderr
+    assert done.stderr.endswith("; to build that much, add --yes\n")
+    assert len(done.stderr.splitlines()) == 1
+
+
+def test_on_a_terminal_a_large_grid_is_a_question(large: Path) -> None:
+    here, there = pty.openpty()
+    command = [sys.executable, "-m", "ampi.cli", "build", str(large), "large.h5"]
+    with subprocess.Popen(
+        command, cwd=large.parent, stdin=there, stderr=there, stdout=subprocess.DEVNULL
+    ) as process:
+        os.write(here, b"n\n")
+        assert process.wait() == 2
+    assert b"161,051 cases: about " in os.read(here, 4096)
+    os.close(here)
+    os.close(there)
+    assert [f.name for f in large.parent.iterdir()] == ["large.toml"]
 
 
 def test_a_grid_too_large_for_any_build_is_no_question(huge: str, tmp_path: Path) -> None:
