@@ -283,7 +283,7 @@ def fly(
 def fly_modes(
     mission: Mission,
     guidance: Guidance,
-    modes: Iterable[Mode | str] | None = None,
+    modes: Mode | str | Iterable[Mode | str] | None = None,
     dispersions: Dispersions | None = None,
     n: int = 1000,
     *,
@@ -295,7 +295,7 @@ def fly_modes(
 ) -> dict[Mode, Flights]:
     """`fly` in each of `modes`, all on the same draws and by the same worker processes.
 
-    `modes` are members of `Mode` or their names; None: that of `guidance`.
+    `modes` are members of `Mode` or their names, one or several; None: that of `guidance`.
     """
     for name, value, kind in (
         ("mission", mission, Mission),
@@ -318,7 +318,8 @@ def fly_modes(
         dispersions = Dispersions.from_mission(mission)
     draws = dispersions.draw(mission, n, seed)
     guidance = guidance.at_cycle(guidance.cycle if cycle is None else cycle)
-    chosen = [guidance.mode] if modes is None else modes
+    modes = guidance.mode if modes is None else modes
+    chosen = [modes] if isinstance(modes, Mode | str) else modes
     flying = {guide.mode: guide for guide in map(guidance.in_mode, chosen)}
     firsts = range(0, n, BATCH)
     jobs = [

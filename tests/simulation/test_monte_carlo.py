@@ -16,7 +16,14 @@ from ampi.onboard.reference import Mode
 from ampi.physics.path_constraints import path_constraints
 from ampi.simulation.closed_loop import FlightStatus
 from ampi.simulation.dispersions import Dispersions, Distribution
-from ampi.simulation.monte_carlo import BATCH, Flights, fly, load_campaigns, save_campaigns
+from ampi.simulation.monte_carlo import (
+    BATCH,
+    Flights,
+    fly,
+    fly_modes,
+    load_campaigns,
+    save_campaigns,
+)
 from ampi.simulation.statistics import judge
 
 N = 230
@@ -137,6 +144,14 @@ def test_modes_fly_the_same_draws(mission: Mission, guidance: Guidance) -> None:
         assert np.array_equal(flights.parameters, flown[Mode.AMPI].parameters)
     assert len({f.miss.tobytes() for f in flown.values()}) == len(Mode)
     assert not flown[Mode.NOMINAL].clipped.any()
+    for modes in ("mpi", [Mode.MPI], ["mpi", "mpi"]):
+        named = fly_modes(mission, guidance, modes, n=2, seed=8, n_jobs=1, record_every=60.0)
+        assert list(named) == [Mode.MPI]
+        assert named[Mode.MPI].miss == pytest.approx(flown[Mode.MPI].miss[:2], rel=1e-6)
+    with pytest.raises(
+        ValueError, match="mode: expected one of nominal, mpi, ampi, quadratic, got"
+    ):
+        fly_modes(mission, guidance, ["best"], n=2)
 
 
 def test_flights_are_flown_at_the_cycle_that_is_asked_for(
