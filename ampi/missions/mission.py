@@ -315,10 +315,13 @@ class LimitsSection(Section):
 
     @model_validator(mode="after")
     def _floor_is_complete(self) -> LimitsSection:
+        found = []
         if (self.drag_floor is None) != (self.drag_floor_speed is None):
-            raise ValueError("drag_floor_g and drag_floor_speed_m_per_s: expected both or neither")
+            found.append("drag_floor_g and drag_floor_speed_m_per_s: expected both or neither")
         if self.bank_angle_minimum >= self.bank_angle:
-            raise ValueError("bank_angle_minimum: expected less than bank_angle")
+            found.append("bank_angle_minimum: expected less than bank_angle")
+        if found:
+            raise ValueError("\n".join(found))
         return self
 
 
@@ -355,14 +358,17 @@ class ObjectiveSection(Section):
     @model_validator(mode="after")
     def _terms_fit(self) -> ObjectiveSection:
         given = [name for name in TARGET_WEIGHTS if getattr(self, name) is not None]
+        found = []
         if given and len(given) < len(TARGET_WEIGHTS):
             missing = ", ".join(n for n in TARGET_WEIGHTS if n not in given)
-            raise ValueError(f"expected all four target weights or none, missing {missing}")
+            found.append(f"expected all four target weights or none, missing {missing}")
         if (self.descent_rate > 0) != (self.desired_altitude_rate is not None):
-            raise ValueError("descent_rate and desired_altitude_rate: expected both or neither")
+            found.append("descent_rate and desired_altitude_rate: expected both or neither")
         terms = [self.bank_rate_effort, self.bank_rate_variation, self.heat_load, self.descent_rate]
         if not any([*terms, self.flight_time, self.ground_range]):
-            raise ValueError("expected at least one term: bank_rate_effort, flight_time, …")
+            found.append("expected at least one term: bank_rate_effort, flight_time, …")
+        if found:
+            raise ValueError("\n".join(found))
         return self
 
 

@@ -384,6 +384,24 @@ def test_what_does_not_fit_together_is_listed_beside_faulty_fields() -> None:
     assert [line[: len(o)] for line, o in zip(lines, openings, strict=True)] == openings
 
 
+def test_every_disagreement_within_a_section_is_told() -> None:
+    text = altered(
+        ("load_factor_g = 10.0", "load_factor_g = 10.0\ndrag_floor_g = 0.1"),
+        ("bank_angle_deg = 60.0", "bank_angle_deg = 60.0\nbank_angle_minimum_deg = 60.0"),
+        ("bank_rate_effort = 1e-5", ""),
+        ("speed_weight_per_m2_s2 = 1e-4", ""),
+    )
+    with pytest.raises(MissionError, match="4 faulty") as caught:
+        parse_mission(text)
+    for sentence in (
+        "limits: drag_floor_g and drag_floor_speed_m_per_s: expected both or neither",
+        "limits: bank_angle_minimum: expected less than bank_angle",
+        "objective: expected all four target weights or none, missing speed_weight",
+        "objective: expected at least one term",
+    ):
+        assert sentence in str(caught.value)
+
+
 def test_an_unknown_axis_is_named_beside_what_does_not_fit() -> None:
     text = altered(
         ("speed_m_per_s = 595.0", "speed_m_per_s = 4713.0"),
