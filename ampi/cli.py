@@ -542,6 +542,8 @@ def _print_coherence(report: Any, path: Path) -> None:
 
 
 def _print_branches(report: Any, path: Path) -> None:
+    from database.branches import FLOWN
+
     found = report.branches
     if found.worst_pair is None:
         out.print("branches: unknown, no two cases beside each other have a solution")
@@ -559,6 +561,11 @@ def _print_branches(report: Any, path: Path) -> None:
             f"  another branch: {'case' if len(branch.cases) == 1 else 'cases'} {cases}{more}; bank at "
             f"entry {_degrees(branch.bank_at_entry)}, of the rest {_degrees(found.main_bank_at_entry)}; "
             f"cost {branch.cost_ratio:.2f} times that of the cases beside"
+        )
+    if not found.astray and found.worst_flown > FLOWN:
+        out.print(
+            f"  one branch, but above {FLOWN / 1e3:g} km too wide a step for interpolation; add a point "
+            f"with: ampi refine {_escaped(shlex.quote(str(path)))}"
         )
     if found.astray:
         out.print(

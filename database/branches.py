@@ -140,13 +140,13 @@ def continued(campaign: Campaign, case: int, goal: int, optimum: Trajectory) -> 
     """The optimum of `case` followed to the parameters of its neighbour `goal`; None if it ends.
 
     In one step if that moves the bank angle by less than `BANK`, else in more and shorter ones: what
-    jumps however short they are has left the branch. Where Newton's iteration needs help, a shorter step
-    is the cheaper one: what helps it finds another branch as gladly as this one. The last try has it.
+    jumps however short they are has left the branch. Newton's iteration alone is asked for the one step:
+    where it needs help, what helps it finds another branch as gladly as this one.
     """
     for steps in (1, *PATH_STEPS):
         found = optimum
         for mission in path_to(campaign.mission, campaign.grid, goal, Attempt(case, steps)):
-            if campaign.together and steps < PATH_STEPS[-1]:
+            if campaign.together and steps == 1:
                 there = solve_family([mission], [found])[0]
             else:
                 there = solve_one(campaign, mission, found)
@@ -211,9 +211,9 @@ def branch_doubt(suspects: Sequence[int], path: Path) -> str:
     """What to say of `suspects` in a database, and what to do."""
     count = f"{len(suspects)} cases" if len(suspects) > 1 else "1 case"
     return (
-        f"{count} may lie on another branch than the rest: the bank angle jumps by more than "
-        f"{np.degrees(BANK):.0f} deg beside them, and nothing interpolates between two branches; to see "
-        f"and mend it: ampi audit {shlex.quote(str(path))} --repair"
+        f"{count} may lie on another branch than the rest, or too far from it to interpolate: the bank "
+        f"angle jumps by more than {np.degrees(BANK):.0f} deg beside them; to see which, and mend it: "
+        f"ampi audit {shlex.quote(str(path))} --repair"
     )
 
 

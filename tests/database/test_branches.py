@@ -224,6 +224,74 @@ def test_who_is_astray(small_mission: Mission) -> None:
     assert 4 not in [case for group in astray(grid, solved, equal) for case in group]
 
 
+@pytest.mark.parametrize(("step", "named"), [(19.9, []), (20.1, [0])])
+def test_twenty_degrees_are_a_jump(small_mission: Mission, step: float, named: list[int]) -> None:
+    """On an axis of two points, where no line leads anywhere; the nominal case is never the one."""
+    others, _, _ = small_mission.toml.partition("[grid]")
+    grid = Grid.from_mission(parse_mission(f"{others}[grid]\nspeed_m_per_s = [-70.0, 0.0]\n"))
+    assert suspects(grid, np.radians([[10.0], [10.0 + step]])) == named
+
+
+@pytest.mark.parametrize(("share", "unlike"), [(0.45, 2), (0.6, 0)])
+def test_half_the_cost_is_unlike(small_database: Path, share: float, unlike: int) -> None:
+    """A corner's cost, with its flight as it is: flown halfway it is joined all the same."""
+    dataset = read_dataset(small_database)
+    optima = optima_of(dataset)
+    optima[0] = dataclasses.replace(optima[0], cost=share * optima[0].cost)
+    measured = branches(dataset.mission, optima)
+    assert (measured.unlike, measured.parted) == (unlike, ())
+
+
+def turned(optimum: Trajectory, degrees: float) -> Trajectory:
+    states = optimum.states.copy()
+    states[6] += np.radians(degrees)
+    return dataclasses.replace(optimum, states=states)
+
+
+def test_two_sheets_that_meet_are_parted_where_they_are_unlike(
+    small_database: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Round the grid in steps of 12 degrees, and a step of 84 from the last case to the first."""
+    dataset = read_dataset(small_database)
+    ring = [0, 1, 2, 5, 8, 7, 6, 3]
+    optimum = dataset.trajectory(0)  # the same one, turned
+    optima = {case: turned(optimum, 12.0 * k) for k, case in enumerate(ring)}
+    monkeypatch.setattr(database.branches, "continued", lambda *arguments: None)
+    found = branches(dataset.mission, optima)
+    assert (found.unlike, found.parted) == (1, ((0, 3),))
+    assert found.cases == (0,)  # the farther one from the hypercentre
+    monkeypatch.setattr(database.branches, "continued", lambda a, b, goal, optimum: optima[goal])
+    assert branches(dataset.mission, optima).parted == ()
+
+
+def test_no_more_pairs_are_followed_than_it_takes(
+    small_database: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Between two branches three pairs at most, each from both ends; one arrival is proof enough."""
+    dataset = read_dataset(small_database)
+    optima = {case: turned(dataset.trajectory(1), 40.0 * (case % 3 == 0)) for case in range(9)}
+    followed = []
+
+    def ends(campaign: object, case: int, goal: int, optimum: Trajectory) -> None:
+        followed.append((case, goal))
+
+    monkeypatch.setattr(database.branches, "continued", ends)
+    monkeypatch.setattr(database.branches, "FOLLOWED", 2)
+    found = branches(dataset.mission, optima)
+    assert found.cases == (0, 3, 6)
+    assert sorted(found.parted) == [(0, 1), (3, 4), (6, 7)]
+    assert len(followed) == 4
+    followed.clear()
+
+    def elsewhere(campaign: object, case: int, goal: int, optimum: Trajectory) -> Trajectory:
+        followed.append((case, goal))
+        return optimum  # followed without a jump, to what does not stand there
+
+    monkeypatch.setattr(database.branches, "continued", elsewhere)
+    assert branches(dataset.mission, optima).cases == (0, 3, 6)
+    assert len(followed) == 2
+
+
 def test_two_optima_are_the_same_by_bank_angle_and_cost(small_database: Path) -> None:
     one = read_dataset(small_database).trajectory(0)
     assert same_optimum(one, one)

@@ -272,6 +272,21 @@ def test_a_repair_that_is_killed_leaves_the_file_and_begins_anew(
     assert [p.name for p in tmp_path.iterdir()] == ["a.h5"]
 
 
+@pytest.mark.parametrize(("share", "replaced"), [(0.95, False), (0.85, True)])
+def test_a_tenth_smoother_is_another_optimum(
+    planted: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, share: float, replaced: bool
+) -> None:
+    path = tmp_path / "a.h5"
+    shutil.copy(planted, path)
+    (outlier,) = coherence(read_dataset(path)).outliers
+    module = sys.modules["database.repair"]
+    monkeypatch.setattr(module, "case_roughness", lambda *arguments: share * outlier.roughness)
+    monkeypatch.setattr(module, "_gathered", lambda *arguments: ())  # this one alone
+    (done,) = repair(path, n_jobs=1)
+    assert done.replaced is replaced
+    assert (path.read_bytes() != planted.read_bytes()) is replaced
+
+
 def test_a_case_of_the_other_branch_is_named_and_solved_again(
     planted: Path, small_database: Path
 ) -> None:
