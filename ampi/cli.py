@@ -608,8 +608,8 @@ def _print_error_map(report: Any) -> None:
 
 
 def _known(value: float) -> str:
-    """Three digits, or a dash where failed cases hide a number."""
-    return f"{value:.3g}" if np.isfinite(value) else "–"
+    """Three digits, or a dash where failed cases hide a number; "inf" of a flight with no end."""
+    return "–" if np.isnan(value) else f"{value:.3g}"
 
 
 AUDIT_FIGURES = ("coherence.png", "error_map.png")

@@ -62,15 +62,13 @@ class Quantity:
 
     @classmethod
     def of(cls, values: Array) -> Quantity:
-        """From one error per case; NaN is an error that nobody knows."""
-        values = values[np.isfinite(values)]
+        """From one error per case; NaN is an error that nobody knows, ∞ that of a flight with no end."""
+        values = values[~np.isnan(values)]
         if len(values) == 0:
             return cls(np.nan, np.nan, np.nan)
-        return cls(
-            float(np.median(values)),
-            float(np.percentile(values, PERCENTILE)),
-            float(values.max()),
-        )
+        with np.errstate(invalid="ignore"):  # between ∞ and ∞ numpy finds no number
+            found = np.percentile(values, [50.0, PERCENTILE, 100.0])
+        return cls(*np.nan_to_num(found, nan=np.inf, posinf=np.inf).tolist())
 
 
 @dataclass(frozen=True, eq=False)
@@ -292,21 +290,16 @@ def nodal_reference(table: GuidanceTable, mode: Mode, point: Array) -> tuple[Arr
 def _errors(mission: Mission, truth: Trajectory, states: Array, final_time: float) -> Array:
     flown = states.copy()
     flown[:6, 0] = mission.entry_state
-    end = reintegrate_many(
-        MissionFamily((mission,)),
-        mission.pseudospectral_mesh,
-        flown[None],
-        np.array([final_time]),
-        np.inf,
-    ).states[0, :, -1]
-    target = mission.target
-    miss = great_circle_distance(
-        end[1],
-        end[2],
-        target.longitude,
-        target.latitude,
-        mission.flight_model.planet.equatorial_radius,
-    )
+    target, mesh = mission.target, mission.pseudospectral_mesh
+    try:
+        end = reintegrate_many(
+            MissionFamily((mission,)), mesh, flown[None], np.array([final_time]), np.inf
+        ).states[0, :, -1]
+    except RuntimeError:  # no step is small enough for what lies far under the ground
+        miss = np.inf
+    else:
+        radius = mission.flight_model.planet.equatorial_radius
+        miss = great_circle_distance(end[1], end[2], target.longitude, target.latitude, radius)
     difference = np.abs(on_turn_of_rows(states, truth.states) - truth.states).max(axis=1)
     return np.array(
         [

@@ -75,7 +75,9 @@ class Branches:
     pairs: int  # of neighbours, both solved
     unlike: int
     flown: int
-    worst_flown: float  # m, position error halfway between the neighbours flown; NaN with none
+    worst_flown: (
+        float  # m, halfway between the neighbours flown; NaN with none, ∞ if one hits the ground
+    )
     worst_pair: tuple[int, int] | None
     parted: tuple[tuple[int, int], ...]
     main_bank_at_entry: tuple[float, float]  # rad, of the cases that are not astray
@@ -280,16 +282,28 @@ def _flown_halfway(
     error, everywhere = np.empty(len(pairs)), grid.points()
     for k in range(0, len(pairs), CHUNK):
         part = pairs[k : k + CHUNK]
-        middle = [halfway(optima[int(one)], optima[int(other)]) for one, other in part]
+        flights = [halfway(optima[int(one)], optima[int(other)]) for one, other in part]
         points = 0.5 * (everywhere[part[:, 0]] + everywhere[part[:, 1]])
-        error[k : k + CHUNK] = reintegrate_many(
+        error[k : k + CHUNK] = _position_error(mission, points, flights)
+    return error
+
+
+def _position_error(mission: Mission, points: Array, flights: list[Trajectory]) -> Array:
+    """Of flights at these parameters (k, d), open loop; ∞ for one that cannot be flown to its end."""
+    try:
+        return reintegrate_many(
             mission.family(points),
             mission.pseudospectral_mesh,
-            np.array([flight.states for flight in middle]),
-            np.array([flight.final_time for flight in middle]),
+            np.array([flight.states for flight in flights]),
+            np.array([flight.final_time for flight in flights]),
             np.inf,
         ).position_error
-    return error
+    except RuntimeError:  # no step is small enough for what lies far under the ground
+        if len(flights) == 1:
+            return np.array([np.inf])
+        half = len(flights) // 2  # one of them stops all
+        parts = (slice(half), slice(half, None))
+        return np.concatenate([_position_error(mission, points[p], flights[p]) for p in parts])
 
 
 def _components(size: int, pairs: Cases) -> NDArray[np.int32]:

@@ -14,7 +14,7 @@ from ampi.dataset import read_dataset
 from ampi.loading import guidance_table
 from ampi.onboard.reference import Mode
 from ampi.trajectory import Status, Trajectory
-from database.audit import audit, nodal_reference
+from database.audit import Quantity, _errors, audit, nodal_reference
 from database.error_map import best_cell
 
 
@@ -39,6 +39,20 @@ def test_audit_finds_a_trajectory_that_does_not_fly(small_database: Path) -> Non
     report = audit(dataclasses.replace(dataset, states=states), probes=0)
     assert report.position_error.worst > 1e3
     assert report.position_error.median < 10.0
+
+
+def test_an_interpolated_flight_that_hits_the_ground_is_infinitely_far_off(
+    small_database: Path,
+) -> None:
+    """The integrator finds no step there; the audit ended with it. Known, and the worst there is."""
+    dataset = read_dataset(small_database)
+    states = dataset.states.copy()
+    states[..., 6, :] = np.pi  # lift downwards
+    errors = _errors(dataset.mission, dataset.trajectory(4), states[1, 1], 900.0)
+    assert errors[-1] == np.inf
+    found = Quantity.of(np.array([1.0, np.nan, 3.0, np.inf, np.inf]))
+    assert (found.median, found.percentile_90, found.worst) == (np.inf, np.inf, np.inf)
+    assert Quantity.of(np.array([1.0, np.nan, 3.0])) == Quantity(2.0, 2.8, 3.0)
 
 
 def test_probes_depend_on_the_seed_alone(small_database: Path) -> None:
