@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import dataclasses
+import importlib
 import json
 import shutil
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -24,6 +24,7 @@ from database.branches import (
     FLOWN,
     SAME_COST,
     Branches,
+    _position_error,
     astray,
     branches,
     halfway,
@@ -161,7 +162,9 @@ def test_audit_and_report_say_it_in_words_and_in_numbers(
     mixed: tuple[Path, BuildReport], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     path, command = str(mixed[0]), CliRunner()
-    monkeypatch.setattr(sys.modules["database.audit"], "error_map", lambda *a, **k: ())  # solves
+    monkeypatch.setattr(
+        importlib.import_module("database.audit"), "error_map", lambda *a, **k: ()
+    )  # solves
     audited = command.invoke(app, ["audit", path, "--probes", "0", "-j", "1"])
     words = " ".join(audited.stdout.split())
     assert "coherence: unknown, no axis has three points in a row with a solution" in words
@@ -171,6 +174,8 @@ def test_audit_and_report_say_it_in_words_and_in_numbers(
     numbers = json.loads(command.invoke(app, ["audit", path, *options]).stdout)
     assert numbers["coherence"]["roughness"] == [None] * 4
     assert numbers["branches"]["astray"][0]["cases"] == [0]
+    for exhibits in ("campaign_exhibits", "database_exhibits"):  # the figures are not the point
+        monkeypatch.setattr(importlib.import_module("ampi.report.html"), exhibits, lambda *a: ())
     flights, page = str(tmp_path / "f.npz"), tmp_path / "report.html"
     flown = command.invoke(
         app, ["fly", path, "-n", "4", "--modes", "ampi", "-j", "1", "--output", flights]
@@ -257,13 +262,25 @@ def test_two_sheets_that_meet_are_parted_where_they_are_unlike(
     ring = [0, 1, 2, 5, 8, 7, 6, 3]
     optimum = dataset.trajectory(0)  # the same one, turned
     optima = {case: turned(optimum, 12.0 * k) for k, case in enumerate(ring)}
+    monkeypatch.setattr(database.branches, "_position_error", lambda m, p, f: np.full(len(f), 2e4))
     monkeypatch.setattr(database.branches, "continued", lambda *arguments: None)
     found = branches(dataset.mission, optima)
     assert (found.unlike, found.parted) == (1, ((0, 3),))
-    assert found.worst_flown == np.inf  # turned by so much, some flights end under the ground
     assert found.cases == (0,)  # the farther one from the hypercentre
     monkeypatch.setattr(database.branches, "continued", lambda a, b, goal, optimum: optima[goal])
     assert branches(dataset.mission, optima).parted == ()
+
+
+def test_one_flight_into_the_ground_leaves_the_others_their_errors(small_database: Path) -> None:
+    """The integrator steps all of them together, and stops where it finds no step for one."""
+    dataset = read_dataset(small_database)
+    good, grid = dataset.trajectory(0), Grid.from_mission(dataset.mission)
+    states = good.states.copy()
+    states[6] = np.pi  # lift downwards
+    flights = [good, dataclasses.replace(good, states=states, final_time=900.0)]
+    error = _position_error(dataset.mission, grid.points()[[0, 0]], flights)
+    assert error[0] < 10.0
+    assert error[1] == np.inf
 
 
 def test_no_more_pairs_are_followed_than_it_takes(
@@ -273,6 +290,7 @@ def test_no_more_pairs_are_followed_than_it_takes(
     dataset = read_dataset(small_database)
     optima = {case: turned(dataset.trajectory(1), 40.0 * (case % 3 == 0)) for case in range(9)}
     followed = []
+    monkeypatch.setattr(database.branches, "_position_error", lambda m, p, f: np.full(len(f), 2e4))
 
     def ends(campaign: object, case: int, goal: int, optimum: Trajectory) -> None:
         followed.append((case, goal))
