@@ -153,10 +153,11 @@ class Guidance:
         limits = self.limits_at(reference.parameters)
 
         navigated = bool(self.table.envelope.holds(x))
-        if not navigated or not abs(rate) <= FASTEST * limits.rate:
+        rolls = bool(abs(rate) <= FASTEST * limits.rate)
+        if not (navigated and rolls):
             known = bool((np.abs(x) < SANE).all()) and abs(rate) < SANE
             health = Health.IMPLAUSIBLE_NAVIGATION if known else Health.BAD_NAVIGATION
-        if not abs(rate) <= FASTEST * limits.rate:
+        if not rolls:
             rate = self._rate if self._rate == self._rate else float(wanted)
         bank = float(x[BANK])
         if not abs(bank) <= self.table.envelope.reach[BANK]:

@@ -85,7 +85,9 @@ class StateEnvelope:
         """Whether a state (7,) is plausible, or each of n: (7, n) → (n,)."""
         error = state.T - self.middle
         within = np.abs(error) <= self.reach
-        if not within.all():  # longitude and azimuth may be on another turn
-            turned = on_turn_of(error[..., DIRECTIONS], 0.0)
-            within[..., DIRECTIONS] = np.abs(turned) <= self.reach[DIRECTIONS]
+        if within.all():
+            return within[..., 0]
+        # longitude and azimuth may be on another turn
+        turned = on_turn_of(error[..., DIRECTIONS], 0.0)
+        within[..., DIRECTIONS] = np.abs(turned) <= self.reach[DIRECTIONS]
         return within.all(axis=-1)

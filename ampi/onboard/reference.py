@@ -151,9 +151,11 @@ class ReferenceGenerator:
 
     def _placed(self, i: int, p: float) -> tuple[float, float]:
         """Parameter i as it is looked up, and how far it lies outside, in shares of its range."""
+        low, high = self._edges[i]
+        if low <= p <= high:
+            return p, 0.0
         if not abs(p) < SANE:
             return self._nominal[i], np.inf
-        low, high = self._edges[i]
         if self._circular[i]:
             p = float(on_turn_of(p, 0.5 * (low + high)))
         edge = low if p < low else high if p > high else p
@@ -176,10 +178,9 @@ class ReferenceGenerator:
 
 
 def _health(measured: list[float], clipped: bool, excess: list[float], hole: bool) -> Health:
-    if not all(abs(p) < SANE for p in measured):
-        return Health.BAD_PARAMETERS
     if max(excess, default=0.0) > FAR:
-        return Health.FAR_OUTSIDE
+        known = all(abs(p) < SANE for p in measured)
+        return Health.FAR_OUTSIDE if known else Health.BAD_PARAMETERS
     if hole:
         return Health.HOLE_REFERENCE
     return Health.BOUNDARY_REFERENCE if clipped else Health.GOOD

@@ -84,5 +84,5 @@ def _stopping_rate(room: Any, acceleration: Any, cycle: float) -> Any:
     """
     cycles = np.maximum(room, 0.0) / (acceleration * cycle**2)
     k = np.floor(0.5 * (np.sqrt(1.0 + 8.0 * cycles) - 1.0))
-    positive = acceleration * cycle * (k + (cycles - 0.5 * k * (k + 1.0)) / (k + 1.0))
-    return np.where(room >= 0.0, positive, 2.0 * np.minimum(room, 0.0) / cycle)
+    stopping = acceleration * cycle * (k + (cycles - 0.5 * k * (k + 1.0)) / (k + 1.0))
+    return stopping + 2.0 * np.minimum(room, 0.0) / cycle  # one of the two is 0
