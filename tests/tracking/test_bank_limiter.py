@@ -224,6 +224,10 @@ def test_between_a_shortest_and_a_longest_cycle_no_limit_is_broken(
         (60.0, 0.0, 5.0, 0.0),  # at the limit
         (60.0, 0.0, -1.0, -1.0),
         (60.5, 0.0, 5.0, -2.0),  # beyond it: 0.5° back in one cycle
+        (60.1, 0.0, 5.0, -0.4),  # beyond it by less: back in one cycle, no more
+        (56.0, 4.0, 5.0, 4.0),  # 1° to reach 4 °/s, then 3° to stop in: braking by 2 °/s each cycle
+        (56.5, 4.0, 5.0, 3.5),
+        (57.0, 4.0, 5.0, 3.0),
     ],
 )
 def test_shefex_3_limits(bank: float, rate: float, command: float, expected: float) -> None:
