@@ -22,7 +22,6 @@ from ampi.trajectory import Trajectory
 from database.branches import (
     BANK,
     FLOWN,
-    SAME_COST,
     Branches,
     _position_error,
     astray,
@@ -320,8 +319,8 @@ def test_two_optima_are_the_same_by_bank_angle_and_cost(small_database: Path) ->
     assert same_optimum(one, dataclasses.replace(one, states=turned))
     turned[6] += 1.01 * BANK
     assert not same_optimum(one, dataclasses.replace(one, states=turned))
-    for share, same in ((0.99, True), (1.01, False)):
-        cheaper = dataclasses.replace(one, cost=one.cost * (1.0 - share * SAME_COST))
+    for gap, same in ((0.049, True), (0.051, False)):
+        cheaper = dataclasses.replace(one, cost=one.cost * (1.0 - gap))
         assert same_optimum(one, cheaper) is same
     free = dataclasses.replace(one, cost=0.0)
     assert same_optimum(free, free)
