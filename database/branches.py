@@ -197,14 +197,16 @@ def suspects(grid: Grid, bank: NDArray[np.floating[Any]]) -> list[int]:
     bank, number = bank.reshape(*grid.shape, -1), np.arange(grid.size).reshape(grid.shape)
     found = []
     for i, axis in enumerate(grid.axes):
-        along, cases = np.moveaxis(bank, i, 0), np.moveaxis(number, i, 0)
-        jump, step = wrapped(np.diff(along, axis=0)), np.diff(axis)
-        step = step.reshape(-1, *[1] * (jump.ndim - 1))
-        doubt = np.abs(jump) > BANK
-        doubt[1:] &= ~(np.abs(jump[1:] - jump[:-1] * step[1:] / step[:-1]) <= BANK)
-        doubt[:-1] &= ~(np.abs(jump[:-1] - jump[1:] * step[:-1] / step[1:]) <= BANK)
-        at = doubt.any(axis=-1)
-        found.append(np.stack([cases[:-1][at], cases[1:][at]], axis=1))
+        cases, step = np.moveaxis(number, i, 0), np.diff(axis).astype(bank.dtype)
+        step = step.reshape(-1, *[1] * (len(grid.shape) - 1))
+        doubtful = np.zeros(cases[1:].shape, dtype=bool)
+        for station in range(bank.shape[-1]):  # one by one: a grid may have millions of cases
+            jump = wrapped(np.diff(np.moveaxis(bank[..., station], i, 0), axis=0))
+            doubt = np.abs(jump) > BANK
+            doubt[1:] &= ~(np.abs(jump[1:] - jump[:-1] * (step[1:] / step[:-1])) <= BANK)
+            doubt[:-1] &= ~(np.abs(jump[:-1] - jump[1:] * (step[:-1] / step[1:])) <= BANK)
+            doubtful |= doubt
+        found.append(np.stack([cases[:-1][doubtful], cases[1:][doubtful]], axis=1))
     groups = astray(grid, np.isfinite(bank[..., 0]).ravel(), np.concatenate(found))
     return sorted(case for group in groups for case in group)
 
