@@ -51,7 +51,13 @@ error_out = Console(**PLAIN, stderr=True)
 
 Jobs = Annotated[int, typer.Option("--jobs", "-j", min=1, help="Worker processes.")]
 Json = Annotated[bool, typer.Option("--json", help="Print numbers as JSON.")]
-Force = Annotated[bool, typer.Option("--force", help="Replace a file that is already there.")]
+Force = Annotated[
+    bool,
+    typer.Option(
+        "--force",
+        help="Replace flights, and files of other commands, that are already there.",
+    ),
+]
 MissionArgument = Annotated[str, typer.Argument(help="Name of a shipped mission, or a .toml file.")]
 STOPPING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 DatabaseArgument = Annotated[Path, typer.Argument(help="Trajectory database (.h5).")]

@@ -45,12 +45,12 @@ NOMINAL_COLOUR = MODE_LOOKS[Mode.NOMINAL].colour
 
 @dataclass(frozen=True, eq=False)
 class HighDensityDatabase:
-    """Every optimum of a table on the high-density grid; c cases, m points."""
+    """Every optimum of a table on the high-density grid; c of them, m points."""
 
     times: Array  # (c, m), s
     states: Array  # (7, c, m); SI, rad
     bank_rate: Array  # (c, m), rad/s
-    nominal: int  # the case of the nominal parameters
+    nominal: int  # which of them is that of the nominal parameters
 
     @classmethod
     def of(cls, table: GuidanceTable) -> HighDensityDatabase:
@@ -58,18 +58,28 @@ class HighDensityDatabase:
         n = table.conversion.shape[0]
         rows = table.values.reshape(-1, table.values.shape[-2], n)
         fixed, free = table.high_density_time
+        own = with_optimum(table)
+        centre = int(np.ravel_multi_index(table.centre, table.final_time.shape))
+        rows = rows[own]
         return cls(
-            times=fixed + free * table.final_time.reshape(-1, 1),
+            times=fixed + free * table.final_time.ravel()[own, None],
             states=(rows[:, STATE_ROWS] @ table.conversion).transpose(1, 0, 2),
             bank_rate=rows[:, RATE_ROW] @ table.conversion,
-            nominal=int(np.ravel_multi_index(table.centre, table.final_time.shape)),
+            nominal=int(np.count_nonzero(own[:centre])),
         )
 
 
+def with_optimum(table: GuidanceTable) -> NDArray[np.bool_]:
+    """(c,): grid points with an optimum of their own; a hole holds its neighbour's."""
+    if table.solved is None:
+        return np.ones(table.final_time.size, dtype=bool)
+    return table.solved.ravel()
+
+
 def table_family(mission: Mission, table: GuidanceTable) -> MissionFamily:
-    """The mission at every grid point of a table."""
+    """The mission at every grid point of a table that has an optimum."""
     points = np.stack(np.meshgrid(*table.axes, indexing="ij"), axis=-1)
-    return mission.family(points.reshape(-1, len(table.axes)))
+    return mission.family(points.reshape(-1, len(table.axes))[with_optimum(table)])
 
 
 @house_style

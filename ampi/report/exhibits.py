@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
+import numpy as np
 from matplotlib.figure import Figure
 
 from ampi.missions.mission import Mission
@@ -32,7 +33,7 @@ class Exhibit:
 
 def database_exhibits(mission: Mission, table: GuidanceTable) -> tuple[Exhibit, ...]:
     """The trajectory database, Figs. 4–7, and the reason for its nodes, Figs. 9 and 10."""
-    cases = table.final_time.size
+    cases = int(np.count_nonzero(database.with_optimum(table)))
     shortest, longest = float(table.final_time.min()), float(table.final_time.max())
     return (
         Exhibit(

@@ -14,6 +14,7 @@ from ampi.missions.mission import Mission
 from ampi.onboard.reference import Mode
 from ampi.onboard.table import GuidanceTable
 from ampi.outputs import written
+from ampi.report.database_figures import with_optimum
 from ampi.report.exhibits import Exhibit, campaign_exhibits, database_exhibits
 from ampi.report.look import data_uri, image_bytes
 from ampi.report.published import is_of_the_paper, is_shipped
@@ -103,13 +104,14 @@ def write_report(
 def mission_statement(mission: Mission, table: GuidanceTable) -> str:
     """The mission in two sentences, from its own numbers."""
     entry, target = mission.entry, mission.target
+    optima = int(np.count_nonzero(with_optimum(table)))
     return (
         f"A vehicle of {mission.vehicle.mass:g} kg enters at {entry.altitude * KILO:.1f} km and "
         f"{entry.speed:.0f} m/s with a flight-path angle of "
         f"{entry.flight_path_angle * DEGREES:.2f}° and shall arrive at "
         f"{target.latitude * DEGREES:.2f}° latitude, {target.longitude * DEGREES:.2f}° longitude, "
         f"{target.altitude * KILO:.1f} km altitude with {target.speed:.0f} m/s, steered by bank "
-        f"angle alone. Guidance interpolates {table.final_time.size} optimal trajectories, stored "
+        f"angle alone. Guidance interpolates {optima} optimal trajectories, stored "
         f"at {table.conversion.shape[0]} nodes each, over {len(table.axes)} parameters."
     )
 

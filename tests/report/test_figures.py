@@ -395,3 +395,15 @@ def test_coincident_modes_are_drawn_around_each_other(
     assert points[0].get_markersize() > points[1].get_markersize()
     assert {line.get_fillstyle() for line in points} == {"none"}
     assert len({look.dashes for look in MODE_LOOKS.values()}) == len(Mode)
+
+
+def test_a_hole_is_no_optimum(mission: Mission, table: GuidanceTable) -> None:
+    solved = np.ones(table.final_time.shape, dtype=bool)
+    solved.flat[[0, solved.size - 1]] = False
+    holed, whole = HighDensityDatabase.of(replace(table, solved=solved)), table.final_time.size
+    assert len(holed.times) == whole - 2
+    every = HighDensityDatabase.of(table)
+    np.testing.assert_array_equal(holed.times, every.times[1:-1])
+    np.testing.assert_array_equal(holed.times[holed.nominal], every.times[every.nominal])
+    figure = database_constraints(mission, replace(table, solved=solved))
+    assert f"{whole - 2} optimal trajectories" in {t.get_text() for t in figure.legends[0].texts}
