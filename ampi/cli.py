@@ -28,7 +28,7 @@ from ampi.missions.mission import Mission, MissionError, load_mission
 from ampi.outputs import FIGURES, check_figures, check_output, written
 from ampi.progress import progress
 from ampi.terminal import discard, standard_stream
-from ampi.trajectory import Trajectory
+from ampi.trajectory import GuessTried, Trajectory
 
 if TYPE_CHECKING:
     from ampi.dataset import TrajectoryDataset
@@ -167,6 +167,10 @@ def solve(
         float | None, typer.Option(help="Constant bank angle of the first guess (deg).")
     ] = None,
     refined: Annotated[bool, typer.Option("--refine", help="Refine the mesh (hp).")] = False,
+    each_guess: Annotated[
+        bool,
+        typer.Option("--guesses", help="Start from several bank angles: which optima are there?"),
+    ] = False,
     table: Annotated[Path | None, typer.Option("--csv", help="Write the nodes as CSV.")] = None,
     plot: Annotated[Path | None, typer.Option(help="Draw the trajectory (PNG, PDF, SVG).")] = None,
     force: Force = False,
@@ -176,7 +180,6 @@ def solve(
 
     Exit status 2 where the answer is no solution; it is printed and drawn all the same.
     """
-    from ampi.propagation import reintegrate
     from ampi.scp.guess import ConstantBank
     from ampi.scp.refinement import RefinementSettings
     from ampi.scp.shortfall import verdict
@@ -189,21 +192,32 @@ def solve(
         loaded = load_mission(mission)
         guess = None if bank_angle is None else ConstantBank(float(np.radians(bank_angle)))
         refinement = RefinementSettings() if refined else None
+        if each_guess:
+            _refuse_with_guesses(method, bank_angle, refined, table, plot)
+            _print_guesses(loaded, as_json)
+            return
         optimum = solve_mission(loaded, method=method, guess=guess, refinement=refinement)
         summary = optimum.summary()
-        if optimum.status.converged:
-            check = reintegrate(loaded, optimum)
-            summary["reintegrated_position_error_m"] = float(check.position_error[0])
-            summary["reintegrated_altitude_error_m"] = float(check.altitude_error[0])
-            summary["reintegrated_speed_error_m_per_s"] = float(check.speed_error[0])
         if np.isfinite(optimum.final_time):
             _write_trajectory(loaded, optimum, table, plot, "ampi solve")
     if as_json:
         log = [asdict(row) for row in optimum.statistics.log]
         rounds = [asdict(row) for row in optimum.statistics.rounds]
-        _print_json({**summary, "verdict": verdict(loaded, optimum), "log": log, "rounds": rounds})
+        more: dict[str, Any] = {"verdict": verdict(loaded, optimum), "log": log, "rounds": rounds}
+        more["guesses"] = [_guess_row(one) for one in optimum.statistics.guesses]
+        if refined:
+            more["mesh_toml"] = optimum.mesh.toml
+        _print_json({**summary, **more})
     else:
         out.print(_convergence_table(optimum))
+        for one in optimum.statistics.guesses:
+            out.print(
+                f"  from a constant bank angle of {np.degrees(one.bank_angle):.4g}°: {one.status} after "
+                f"{one.iterations} iterations{', shown above' if one.chosen else ''}"
+            )
+        if refined:
+            out.print("the mesh, to paste into the mission in the place of its own:")
+            sys.stdout.write(optimum.mesh.toml)
         out.print(verdict(loaded, optimum))
         for key, value in summary.items():
             out.print(
@@ -214,6 +228,67 @@ def solve(
             f"{_escaped(loaded.name)}: {_escaped(verdict(loaded, optimum))} "
             "Move the target, widen the limits, or try another --bank-angle"
         )
+        raise typer.Exit(2)
+
+
+def _refuse_with_guesses(
+    method: str, bank_angle: float | None, refined: bool, table: Path | None, plot: Path | None
+) -> None:
+    given = {"--method": method != "exact_hessian", "--bank-angle": bank_angle is not None}
+    given |= {"--refine": refined, "--csv": table is not None, "--plot": plot is not None}
+    if any(given.values()):
+        asked = ", ".join(name for name, is_given in given.items() if is_given)
+        raise ValueError(f"--guesses: starts from each guess and keeps none; leave out {asked}")
+
+
+def _guess_row(one: GuessTried) -> dict[str, Any]:
+    return {
+        "bank_angle_deg": float(np.degrees(one.bank_angle)),
+        "status": one.status.name,
+        "iterations": one.iterations,
+        "cost": one.cost,
+        "chosen": one.chosen,
+    }
+
+
+def _print_guesses(mission: Mission, as_json: bool) -> None:
+    """What every guess leads to, and which of the answers are one branch."""
+    from ampi.scp.guesses import from_each
+    from ampi.scp.solve import solve as solve_mission
+
+    results = from_each(mission, lambda guess: solve_mission(mission, guess=guess))
+    rows = [
+        {
+            "guess_bank_angle_deg": float(np.degrees(one.guess.bank_angle)),
+            "status": one.trajectory.status.name,
+            "cost": one.trajectory.cost,
+            "bank_at_entry_deg": float(np.degrees(one.trajectory.states[6, 0])),
+            "final_time_s": one.trajectory.final_time,
+            "iterations": one.trajectory.statistics.iterations,
+            "branch": one.branch,
+        }
+        for one in results
+    ]
+    if as_json:
+        _print_json(rows)
+    else:
+        shown = Table("guess (deg)", "status", "cost", "bank at entry (deg)", "t_f (s)", "branch")
+        for row in rows:
+            shown.add_row(
+                f"{row['guess_bank_angle_deg']:.4g}",
+                str(row["status"]),
+                f"{row['cost']:.6g}",
+                f"{row['bank_at_entry_deg']:.2f}",
+                f"{row['final_time_s']:.2f}",
+                "–" if row["branch"] is None else str(row["branch"]),
+            )
+        out.print(shown)
+        out.print(
+            "Name the guess of the branch to follow in the mission: [guess] bank_angle_deg = …"
+            if any(row["branch"] for row in rows)
+            else "No guess leads to a solution: move the target or widen the limits"
+        )
+    if not any(one.trajectory.status.ok for one in results):
         raise typer.Exit(2)
 
 

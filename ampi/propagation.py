@@ -26,12 +26,16 @@ from ampi.physics.planet import great_circle_distance
 from ampi.pseudospectral.lagrange import interpolation_matrix
 from ampi.pseudospectral.mesh import Mesh
 from ampi.pseudospectral.radau import FlippedRadau
-from ampi.trajectory import Trajectory
+from ampi.trajectory import FlightCheck, Trajectory
 
 Array = NDArray[np.float64]
 
 TOLERANCE = 3e-8  # relative, per case
 SIZES = np.array([1e4, 0.1, 0.1, 1e3, 0.01, 0.1])  # m, rad, m/s: what counts as small
+
+
+class ReintegrationError(RuntimeError):
+    """The integrator gave up: nobody flies like this."""
 
 
 @dataclass(frozen=True)
@@ -56,6 +60,41 @@ def reintegrate(mission: Mission, trajectory: Trajectory) -> Reintegration:
         trajectory.states[None],
         np.array([trajectory.final_time]),
     )
+
+
+def flown_again(mission: Mission, trajectory: Trajectory) -> Trajectory:
+    """The trajectory with what its own flight found; it is solved if that flight is the same one."""
+    if not (trajectory.status.converged and np.all(np.isfinite(trajectory.states))):
+        return trajectory
+    states, final_time = trajectory.states[None], np.array([trajectory.final_time])
+    (flight,) = flight_checks(MissionFamily((mission,)), trajectory.mesh, states, final_time)
+    return trajectory.judged_by(flight)
+
+
+def flight_checks(
+    family: MissionFamily, mesh: Mesh, states: Array, final_time: Array
+) -> list[FlightCheck]:
+    """Of trajectories `states` (c, 7, n) with `final_time` (c,), each flown again."""
+    names = family.path_limits().names
+    try:
+        with np.errstate(all="ignore"):  # what is nonsense ends as infinite errors
+            found = reintegrate_many(family, mesh, states, final_time)
+    except ReintegrationError:
+        if len(states) == 1:
+            return [FlightCheck(np.inf, np.inf, np.inf, dict.fromkeys(names, np.inf))]
+        return [
+            flight_checks(MissionFamily((one,)), mesh, x[None], np.array([t]))[0]
+            for one, x, t in zip(family.missions, states, final_time, strict=True)
+        ]
+    return [
+        FlightCheck(
+            float(found.position_error[k]),
+            float(found.altitude_error[k]),
+            float(found.speed_error[k]),
+            dict(zip(names, found.peak[k].tolist(), strict=True)),
+        )
+        for k in range(len(states))
+    ]
 
 
 def reintegrate_many(
@@ -139,6 +178,6 @@ def _integrate_segment(
         atol=np.repeat(0.1 * TOLERANCE * SIZES, cases),
     )
     if not solution.success:
-        raise RuntimeError(f"re-integration: {solution.message}")
+        raise ReintegrationError(f"re-integration: {solution.message}")
     flown = solution.y.reshape(6, cases, len(tau)).transpose(1, 0, 2)
     return np.concatenate([flown, (bank @ matrix.T)[:, None, :]], axis=1)

@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from enum import IntEnum
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ampi.missions.path_limits import KEPT
 from ampi.pseudospectral.mesh import Mesh
 
 Array = NDArray[np.float64]
+
+POSITION_TOLERANCE = 50.0  # m: a flight farther from the nodes is not the one that was optimised
 
 
 class Status(IntEnum):
@@ -26,6 +29,13 @@ class Status(IntEnum):
     GUESS_FAILED = 6
     ERROR = 7
     REFINEMENT_LIMIT = 8
+    INACCURATE = 9
+
+    def __str__(self) -> str:
+        return self.name
+
+    def __format__(self, spec: str) -> str:
+        return format(int(self), spec) if spec.endswith("d") else format(self.name, spec)
 
     @property
     def sentence(self) -> str:
@@ -45,18 +55,20 @@ class Status(IntEnum):
             Status.TARGET_MISSED,
             Status.LIMITS_EXCEEDED,
             Status.REFINEMENT_LIMIT,
+            Status.INACCURATE,
         )
 
 
 _SENTENCES = {
     Status.SOLVED: "Converged: optimal, the target met within its tolerances, every limit kept.",
-    Status.TARGET_MISSED: "Converged, but the target is out of reach; this flight ends near it.",
+    Status.TARGET_MISSED: "Converged, but the flight ends outside the tolerances of the target.",
     Status.LIMITS_EXCEEDED: "Converged, but a path limit cannot be kept; the excess is reported.",
     Status.ITERATION_LIMIT: "Stopped at the iteration limit before the step became small.",
     Status.STALLED: "Stopped: the trust region collapsed without a step that improves the merit.",
     Status.SUBPROBLEM_FAILED: "Stopped: the convex subproblem returned no usable step.",
     Status.GUESS_FAILED: "Not started: the initial guess could not be flown on this mesh.",
     Status.REFINEMENT_LIMIT: "Converged, but mesh refinement reached a cap before its tolerance.",
+    Status.INACCURATE: "Converged at the nodes, but the flight between is another: refine the mesh.",
     Status.ERROR: "Not solved: the case raised an error; see its log.",
 }
 
@@ -90,6 +102,37 @@ class RefinementRound:
 
 
 @dataclass(frozen=True)
+class GuessTried:
+    """One of several first guesses, and how the solve from it ended."""
+
+    bank_angle: float  # rad
+    status: Status
+    iterations: int
+    cost: float
+    chosen: bool
+
+
+@dataclass(frozen=True)
+class FlightCheck:
+    """What flying a trajectory again under its own bank angle found (ampi.propagation)."""
+
+    position_error: float  # m, greatest over the nodes, as the others; infinite: it cannot be flown
+    altitude_error: float  # m
+    speed_error: float  # m/s
+    use: dict[str, float]  # of each limit, greatest between the nodes
+
+    @property
+    def exceeded(self) -> dict[str, float]:
+        """The limits that are not kept, with their use."""
+        return {name: use for name, use in self.use.items() if not use <= 1.0 + KEPT}
+
+    @property
+    def accurate(self) -> bool:
+        """Whether the flight is the one that was optimised, and keeps every limit."""
+        return self.position_error <= POSITION_TOLERANCE and not self.exceeded
+
+
+@dataclass(frozen=True)
 class Statistics:
     """What a solve cost."""
 
@@ -99,6 +142,10 @@ class Statistics:
     limit_excess: tuple[float, ...] = (0.0, 0.0, 0.0)  # relative, per path limit
     log: tuple[IterationRecord, ...] = field(default=(), repr=False)
     rounds: tuple[RefinementRound, ...] = ()  # of mesh refinement, the first mesh included
+    flight: FlightCheck | None = None  # None: not flown again
+    guesses: tuple[
+        GuessTried, ...
+    ] = ()  # where the first one failed; the rest is of the chosen one
 
 
 @dataclass(frozen=True)
@@ -124,9 +171,27 @@ class Trajectory:
         matrix = self.mesh.conversion(np.atleast_1d(np.asarray(times, float)), self.final_time)
         return self.states @ matrix.T, matrix @ self.bank_rate
 
+    def judged_by(self, flight: FlightCheck) -> Trajectory:
+        """With what its flight found: solved only if that is the flight of the nodes."""
+        false = self.status is Status.SOLVED and not flight.accurate
+        return replace(
+            self,
+            status=Status.INACCURATE if false else self.status,
+            statistics=replace(self.statistics, flight=flight),
+        )
+
     def summary(self) -> dict[str, Any]:
         """Plain numbers for printing (degrees, kilometres)."""
         h, lon, lat, v = self.states[:4, -1]
+        flight = self.statistics.flight
+        flown = {}
+        if flight is not None:
+            flown = {
+                "reintegrated_position_error_m": flight.position_error,
+                "reintegrated_altitude_error_m": flight.altitude_error,
+                "reintegrated_speed_error_m_per_s": flight.speed_error,
+                "greatest_limit_use": max(flight.use.values()),
+            }
         return {
             "status": self.status.name,
             "iterations": self.statistics.iterations,
@@ -138,4 +203,5 @@ class Trajectory:
             "final_speed_m_per_s": v,
             "greatest_limit_excess": max(self.statistics.limit_excess),
             "solve_seconds": self.statistics.solve_seconds,
+            **flown,
         }

@@ -16,7 +16,7 @@ import numpy as np
 
 from ampi.missions.mission import Mission
 from ampi.pseudospectral.mesh import Mesh
-from ampi.scp.solve import solve_family
+from ampi.scp.solve import optimum, solve_family
 from ampi.trajectory import Status, Trajectory
 from database.campaign import Campaign
 from database.continuation import PlannedCase
@@ -114,7 +114,9 @@ def solve_one(campaign: Campaign, mission: Mission, start: Trajectory | None) ->
         found = solve_family([mission], [start])[0]
         if found is not None and found.status.ok:
             return found
-    return campaign.solver(mission, guess=start)
+    # the assembly flies all cases of a block again, together
+    solver = optimum if campaign.judged else campaign.solver
+    return solver(mission, guess=start)
 
 
 @contextmanager

@@ -34,7 +34,7 @@ from ampi.onboard.reference import Mode, ReferenceGenerator
 from ampi.onboard.table import RATE_ROW, STATE_ROWS, GuidanceTable
 from ampi.physics.planet import great_circle_distance
 from ampi.propagation import reintegrate_many
-from ampi.scp.solve import solve
+from ampi.scp.solve import optimum
 from ampi.simulation.dispersions import require_seed
 from ampi.supervisor import in_workers, require_workers
 from ampi.trajectory import Status, Trajectory
@@ -264,7 +264,7 @@ def _probe_point(mission: Mission, table: GuidanceTable, point: Array) -> dict[s
     here = mission.with_parameters(point)
     states, rate, final_time = nodal_reference(table, Mode.AMPI, point)
     guess = Trajectory(mission.pseudospectral_mesh, states, rate, final_time, np.nan, Status.SOLVED)
-    truth = solve(here, guess=guess)
+    truth = optimum(here, guess=guess)
     if not truth.status.ok:
         return None
     errors = {}

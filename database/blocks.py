@@ -18,8 +18,10 @@ from numpy.typing import NDArray
 from ampi.dataset import FIELDS
 from ampi.missions.mission import Mission
 from ampi.missions.path_limits import PathLimits
-from ampi.propagation import reintegrate_many
+from ampi.propagation import flight_checks
 from ampi.scp.problem import OptimalControlProblem
+from ampi.scp.shortfall import verdict
+from ampi.trajectory import Status
 from database.gains import GainSettings, vertex_gains
 from database.grid import Grid
 from database.records import CaseRecord
@@ -94,36 +96,55 @@ def _block(grid_shape: tuple[int, ...], number: int, index: tuple[int, ...]) -> 
 
 
 def assemble(
-    mission: Mission, block: Block, records: list[CaseRecord], settings: GainSettings
+    mission: Mission,
+    block: Block,
+    records: list[CaseRecord],
+    settings: GainSettings,
+    *,
+    judged: bool = True,
 ) -> dict[str, NDArray[Any]]:
-    """Everything the file holds of a block's cases, each array in the block's shape."""
-    mesh = mission.pseudospectral_mesh
+    """Everything the file holds of a block's cases, each array in the block's shape.
+
+    Every solution is flown again. If they are to be `judged`, one whose flight is another than its
+    nodes say, or exceeds a limit, is none: its status is `INACCURATE`, and its errors tell why.
+    """
+    mesh, grid = mission.pseudospectral_mesh, Grid.from_mission(mission)
     cases, n = len(records), mesh.n_nodes
+    status = np.array([int(r.trajectory.status) for r in records])
+    messages = [r.message for r in records]
     states = np.stack([r.trajectory.states for r in records])
     rate = np.stack([r.trajectory.bank_rate for r in records])
     final_time = np.array([r.trajectory.final_time for r in records])
-    good = np.array([r.trajectory.status.ok for r in records])
-    for array in (states, rate, final_time):
-        array[~good] = np.nan
-    gains = np.full((cases, 7, n), np.nan)
-    multipliers = np.full((cases, len(OptimalControlProblem.from_mission(mission).target)), np.nan)
-    for row, record in zip(multipliers, records, strict=True):
-        found = record.trajectory.target_multipliers
-        if record.trajectory.status.ok and found is not None:  # a stand-in has none
-            row[:] = found
     errors = {
         name: np.full(cases, np.nan) for name in ("position_error", "altitude_error", "speed_error")
     }
     peak = np.full((cases, len(PathLimits.of(mission).names)), np.nan)
+    solved = np.flatnonzero(status == int(Status.SOLVED))
+    if len(solved):
+        family = mission.family([grid.point(records[k].case) for k in solved])
+        flights = flight_checks(family, mesh, states[solved], final_time[solved])
+        for k, member, flight in zip(solved, family.missions, flights, strict=True):
+            for name, error in errors.items():
+                error[k] = getattr(flight, name)
+            peak[k] = list(flight.use.values())
+            if judged and not flight.accurate:
+                status[k] = int(Status.INACCURATE)
+                optimum, attempt = records[k].trajectory, messages[k].partition(": ")[0]
+                messages[k] = f"{attempt}: {verdict(member, optimum.judged_by(flight))}"
+    good = status == int(Status.SOLVED)
+    for array in (states, rate, final_time):
+        array[~good] = np.nan
+    gains = np.full((cases, 7, n), np.nan)
     if good.any():
-        grid = Grid.from_mission(mission)
-        solved = [r.case for r in records if r.trajectory.status.ok]
-        family = mission.family([grid.point(case) for case in solved])
+        family = mission.family(
+            [grid.point(r.case) for r, ok in zip(records, good, strict=True) if ok]
+        )
         gains[good] = vertex_gains(family, mesh, states[good], final_time[good], settings)
-        check = reintegrate_many(family, mesh, states[good], final_time[good])
-        for name, error in errors.items():
-            error[good] = getattr(check, name)
-        peak[good] = check.peak
+    multipliers = np.full((cases, len(OptimalControlProblem.from_mission(mission).target)), np.nan)
+    for row, record, ok in zip(multipliers, records, good, strict=True):
+        found = record.trajectory.target_multipliers
+        if ok and found is not None:  # a stand-in has none
+            row[:] = found
     values: dict[str, NDArray[Any]] = {
         "states": states,
         "bank_rate": rate,
@@ -131,11 +152,11 @@ def assemble(
         "target_multipliers": multipliers,
         "final_time": final_time,
         "cost": np.array([r.trajectory.cost for r in records]),
-        "status": np.array([int(r.trajectory.status) for r in records]),
+        "status": status,
         "iterations": np.array([r.trajectory.statistics.iterations for r in records]),
         **errors,
         "peak": peak,
-        "message": np.array([_cut(r.message) for r in records], dtype=FIELDS["message"].dtype),
+        "message": np.array([_cut(m) for m in messages], dtype=FIELDS["message"].dtype),
     }
     return {name: v.reshape(*block.shape, *v.shape[1:]) for name, v in values.items()}
 

@@ -37,8 +37,10 @@ from ampi.dataset import (
 )
 from ampi.job import JobError
 from ampi.missions.mission import Mission
+from ampi.propagation import flown_again
 from ampi.scp.capabilities import check
 from ampi.scp.problem import OptimalControlProblem
+from ampi.scp.shortfall import verdict
 from ampi.scp.solve import solve
 from ampi.supervisor import require_workers
 from ampi.trajectory import Status, Trajectory
@@ -338,12 +340,20 @@ class _Build:
                 f"{self.campaign.mission.name}: the nominal problem could not be solved "
                 f"({record.message}); run the same build again when that is mended"
             )
-        if not record.trajectory.status.ok:
+        mission, message, help_ = (
+            self.campaign.mission,
+            record.message,
+            "move the target, widen the limits",
+        )
+        nominal = record.trajectory
+        if nominal.status.ok and self.campaign.judged:
+            nominal = flown_again(self.campaign.mission, nominal)
+            message, help_ = verdict(mission, nominal), "refine the mesh, ask for a margin"
+        if not nominal.status.ok:
             shutil.rmtree(folder, ignore_errors=True)
             raise BuildError(
-                f"{self.campaign.mission.name}: the nominal problem has no solution "
-                f"({record.message}) Nothing was written; move the target, widen the limits, "
-                "or try another guess"
+                f"{mission.name}: the nominal problem has no solution ({message}) Nothing was "
+                f"written; {help_}, or try another guess"
             )
         return record
 

@@ -92,6 +92,11 @@ class Campaign:
         return self.solver is solve and _flight_models(self.toml) <= MOST_MODELS
 
     @property
+    def judged(self) -> bool:
+        """Whether a case is solved only if its flight says so; a stand-in claims no flight."""
+        return self.solver is solve
+
+    @property
     def mission(self) -> Mission:
         """The mission, parsed once per process."""
         return _mission_and_grid(self.toml)[0]

@@ -31,7 +31,7 @@ from numpy.typing import NDArray
 from ampi.dataset import TrajectoryDataset
 from ampi.job import JobError, finished
 from ampi.missions.mission import Mission
-from ampi.scp.solve import solve
+from ampi.scp.solve import optimum
 from ampi.supervisor import in_workers
 from ampi.trajectory import Trajectory
 from database.branches import halfway
@@ -202,7 +202,7 @@ class Middle:
 
 def _middle_error(mission: Mission, point: Array, one: Trajectory, other: Trajectory) -> Array:
     middle = halfway(one, other)
-    truth = solve(mission.with_parameters(point), guess=middle)
+    truth = optimum(mission.with_parameters(point), guess=middle)
     if not truth.status.ok:
         return np.full(len(COLUMNS), np.nan)
     difference = np.abs(on_turn_of_rows(middle.states, truth.states) - truth.states).max(axis=1)

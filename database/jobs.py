@@ -257,7 +257,13 @@ class AssembleBlock(Job):
                 raise JobError(lost(folder, case))
             records.append(record)
         with stopped_after(self.campaign.time_limit * len(records)):
-            values = assemble(mission, self.block, records, self.campaign.gains)
+            values = assemble(
+                mission,
+                self.block,
+                records,
+                self.campaign.gains,
+                judged=self.campaign.judged,
+            )
         encoded = encoded_block(values, block_shape(self.campaign.grid.shape))
         label = self.campaign.label
         keeping = keeping_block(self.campaign.round_folder, self.block.number, encoded, label)

@@ -104,8 +104,8 @@ def _solved(factor: Array, right: Array, *, transposed: bool = False) -> Array:
 
 
 def _step(problem: ConvexSubproblem, z: Array, on_target: Array, on_rows: Array) -> Step | None:
-    n, limits = len(problem.rate), problem.n_limits
-    on_path = on_rows[2 * n + 1 :]
+    n, b, limits = len(problem.rate), len(problem.bank_rows), problem.n_limits
+    on_path = on_rows[n + b + 1 :]
     per_limit = np.bincount(problem.path_kind, weights=on_path, minlength=limits)
     bought_off = np.any(np.abs(on_target) > problem.target_price)
     if bought_off or np.any(per_limit > problem.limit_penalty):
@@ -114,7 +114,7 @@ def _step(problem: ConvexSubproblem, z: Array, on_target: Array, on_rows: Array)
         z=z,
         slack=np.zeros(limits),
         target_multiplier=on_target,
-        bank_multiplier=on_rows[n : 2 * n],
+        bank_multiplier=on_rows[n : n + b],
         path_multiplier=on_path,
         absolute_multiplier=np.zeros(0),
         status="Solved",

@@ -29,7 +29,7 @@ class ConvergenceSettings:
 
     step: float = 3e-4
     limit_excess: float = KEPT  # relative excess of a path limit at the nodes
-    horizontal_miss: float = 1e3 / 6.378137e6  # rad: beyond, the target counts as missed
+    horizontal_miss: float = 1e3  # m: beyond, the target counts as missed
 
 
 def verdict(
@@ -49,7 +49,8 @@ def verdict(
     error = np.zeros(N_STATES)
     error[problem.target.state] = problem.target.error(final)
     there = final - error
-    miss = great_circle_distance(final[1], final[2], there[1], there[2], 1.0)
+    radius = problem.model.planet.equatorial_radius
+    miss = great_circle_distance(final[1], final[2], there[1], there[2], radius)
     near = np.all(np.abs(error[[0, 3]]) <= problem.target_tolerance)
     if bought_off or not (near and miss <= settings.horizontal_miss):
         return Status.TARGET_MISSED

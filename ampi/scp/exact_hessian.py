@@ -44,6 +44,7 @@ from ampi.scp.quadratic_model import (
     reference_curvature,
     with_merit,
 )
+from ampi.scp.sensible import require_sensible
 from ampi.scp.subproblem import ConvexSubproblem, Step, solve_subproblem
 from ampi.scp.trust_region import TrustRegion, TrustRegionSettings
 from ampi.trajectory import IterationRecord, Statistics, Status, Trajectory
@@ -65,6 +66,9 @@ class SolverSettings:
     curvature: CurvatureSettings = field(default_factory=CurvatureSettings)
     restoration: RestorationSettings = field(default_factory=RestorationSettings)
     convergence: ConvergenceSettings = field(default_factory=ConvergenceSettings)
+
+    def __post_init__(self) -> None:
+        require_sensible("settings", self)
 
 
 _CONVERGED = (Status.TARGET_MISSED, Status.LIMITS_EXCEEDED)
@@ -229,7 +233,8 @@ class ExactHessianIteration:
         if not first.step.usable:
             return first, np.inf, -1.0
         z = first.step.z
-        size = max(float(np.abs(convex.bank_rows @ z).max()), abs(float(z[-2])))
+        nodal = convex.bank_rows[: len(convex.rate)] @ z
+        size = max(float(np.abs(nodal).max()), abs(float(z[-2])))
         inside = convex.absolute_value + convex.absolute_rows @ z
         error = point.target_error + convex.target_map @ z
         predicted = self.merit(point) - (
@@ -268,14 +273,12 @@ class ExactHessianIteration:
         if not step.usable:
             return _Candidate(step, None, -np.inf)
         here = point.iterate
-        trial = self.flight.restore(
-            Iterate(
-                here.states + condensed.state_map @ step.z,
-                here.bank_rate + step.z[: len(here.bank_rate)],
-                here.final_time + step.z[-2] * condensed.final_time_scale,
-            ),
-            condensed,
+        there = Iterate(
+            here.states + condensed.state_map @ step.z,
+            here.bank_rate + step.z[: len(here.bank_rate)],
+            here.final_time + step.z[-2] * condensed.final_time_scale,
         )
+        trial = self.flight.restore(self.flight.within_bank_limit(there), condensed)
         reduction = -np.inf if trial is None else self.merit(point) - self.merit(trial)
         return _Candidate(step, trial, float(reduction))
 

@@ -367,7 +367,9 @@ class _Newton:
     def inside(self) -> Flags:
         """Whether every limit is kept at every node (c,)."""
         problem, rate = self.problem, self.nodal(self.everyone)[1].reshape(len(self.problems), -1)
-        kept = np.abs(self.x[BANK]).max(axis=1) < problem.bank_limit
+        between = self.x[BANK] @ self.transcription.between.T
+        bank = np.maximum(np.abs(self.x[BANK]).max(axis=1), np.abs(between).max(axis=1))
+        kept = bank < problem.bank_limit
         kept &= np.abs(rate).max(axis=1) < 1.0
         return np.asarray(kept & (self.path.max(axis=(0, 2)) < 1.0))
 

@@ -125,28 +125,32 @@ def _sampled(ends: list[float], legs: list[Callable[[float], Array]], times: Arr
     return np.stack([legs[k](float(t)) for k, t in zip(index, times, strict=True)])
 
 
-def best_constant_bank(mission: Mission, candidates: int = 9) -> ConstantBank | None:
-    """The constant bank angle whose flight ends nearest to the target, of a few within the limit."""
+def constant_banks(mission: Mission, candidates: int = 9) -> list[ConstantBank]:
+    """A few bank angles of both signs within the limit, the one that ends nearest to the target first.
+
+    Those whose flight never slows down are left out.
+    """
     limit = 0.9 * mission.limits.bank_angle
-    nearest: tuple[float, ConstantBank] | None = None
+    corridor = None if mission.guess is None else mission.guess.heading_corridor
+    found: list[tuple[float, ConstantBank]] = []
     for bank_angle in np.linspace(-limit, limit, candidates):
-        guess = constant_bank_guess(mission, ConstantBank(float(bank_angle)))
+        constant = ConstantBank(float(bank_angle), corridor)
+        guess = constant_bank_guess(mission, constant)
         if guess is None:
             continue
         final = guess.states[-1]
         miss = great_circle_distance(
             final[1], final[2], mission.target.longitude, mission.target.latitude, 1.0
         )
-        if nearest is None or miss < nearest[0]:
-            nearest = (float(miss), ConstantBank(float(bank_angle)))
-    return None if nearest is None else nearest[1]
+        found.append((float(miss), constant))
+    return [constant for _, constant in sorted(found, key=lambda pair: pair[0])]
 
 
 def default_guess(mission: Mission) -> ConstantBank | None:
     """The mission's own constant bank angle, else the best one."""
     if mission.guess is not None:
         return ConstantBank(mission.guess.bank_angle, mission.guess.heading_corridor)
-    return best_constant_bank(mission)
+    return next(iter(constant_banks(mission)), None)
 
 
 def from_trajectory(trajectory: Trajectory, mission: Mission) -> NodalGuess:

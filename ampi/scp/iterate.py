@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from ampi.missions.path_limits import KEPT
 from ampi.scp.condensing import CondensedDynamics, Iterate, condense
 from ampi.scp.cost import Cost, cost_of
 from ampi.scp.derivatives import NodeDerivatives, ScaledDynamics, scaled_dynamics
@@ -107,6 +108,29 @@ class Flight:
             condensed = None
         return None
 
+    def within_bank_limit(self, iterate: Iterate) -> Iterate:
+        """The iterate with its bank angle cut at the limit, and the rates that fly it so.
+
+        The rows of the subproblem keep the limit to first order; a step in control and final time
+        leaves it by their product. The merit knows nothing of this limit, so no iterate may lie
+        beyond: a small trust region would then hold no step back. Between the nodes a tenth of what
+        counts as kept is left to the second order; a profile that overshoots by more is scaled.
+        """
+        t, problem, final_time = self.transcription, self.problem, iterate.final_time
+        turned = t.half_lengths(final_time) * problem.bank_rate_limit * iterate.bank_rate
+        start = iterate.states[0, BANK]
+        bank = np.concatenate([[start], start + t.integration @ turned])
+        cut = np.clip(bank, -problem.bank_limit, problem.bank_limit)
+        overshoot = float(np.abs(t.between @ cut).max()) / problem.bank_limit
+        if overshoot > 1.0 + 0.1 * KEPT:
+            cut /= overshoot
+        if np.array_equal(cut, bank):
+            return iterate
+        states = iterate.states.copy()
+        states[:, BANK] = cut
+        rate = collocated_rate(problem.mesh, states[:, BANK], final_time)[1:]
+        return Iterate(states, np.clip(rate / problem.bank_rate_limit, -1.0, 1.0), final_time)
+
     def _chord(
         self, iterate: Iterate, condensed: CondensedDynamics
     ) -> tuple[Iterate, Array | None]:
@@ -151,13 +175,9 @@ class Flight:
         Its bank angle is cut at this problem's limit: no step of a small trust region leads back there.
         """
         states = guess.states / np.array(self.problem.scaling.states)
-        rate = guess.bank_rate[1:]
-        limit, bank = self.problem.bank_limit, states[:, BANK]
-        if np.abs(bank).max() > limit:
-            states[:, BANK] = np.clip(bank, -limit, limit)
-            rate = collocated_rate(self.problem.mesh, states[:, BANK], guess.final_time)[1:]
-        rate = np.clip(rate / self.problem.bank_rate_limit, -1.0, 1.0)
-        iterate = Iterate(states, rate, guess.final_time)
+        rate = np.clip(guess.bank_rate[1:] / self.problem.bank_rate_limit, -1.0, 1.0)
+        iterate = self.within_bank_limit(Iterate(states, rate, guess.final_time))
+        states = iterate.states
         try:
             linearised = self.linearise(iterate)
         except FloatingPointError:

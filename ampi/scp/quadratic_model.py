@@ -34,6 +34,7 @@ class CurvatureSettings:
     free_variables: float = 10.0  # Gauss–Newton curvature given to δt_f and δσ₀
     no_effort: float = 1e-2  # Gauss–Newton curvature given to δu, at least
     screening: float = 0.6  # path rows enter the subproblem where g exceeds this
+    bank_screening: float = 0.85  # rows between the nodes where the bank angle exceeds this share
     kink: float = 0.999  # an absolute value is held at zero below this share of its weight
 
 
@@ -61,7 +62,8 @@ class Multipliers:
         """Spread the subproblem's multipliers over the nodes."""
         limits = np.zeros((len(convex.rate), convex.n_limits))
         limits[convex.path_node, convex.path_kind] = step.path_multiplier
-        return cls(step.target_multiplier, limits, step.bank_multiplier, step.absolute_multiplier)
+        bank = convex.bank_map.T @ step.bank_multiplier
+        return cls(step.target_multiplier, limits, bank, step.absolute_multiplier)
 
 
 def quadratic_subproblem(
@@ -93,6 +95,10 @@ def quadratic_subproblem(
     node, kind = np.nonzero(point.path > settings.screening)
     path_rows = _path_rows(flight, linearised, node, kind)
     n_u, n_z = len(iterate.bank_rate), condensed.n_variables
+    bank, limit = iterate.states[:, BANK], problem.bank_limit
+    # the polynomial overshoots its nodes where it comes to the limit
+    near = np.flatnonzero(np.abs(t.between @ bank) > settings.bank_screening * limit)
+    bank_map = np.vstack([np.eye(len(bank)), t.between[near]])
     rate_rows = np.zeros((n_u + 1, n_z))
     rate_rows[0, : len(t.entry_rate)] = t.entry_rate
     rate_rows[1:, :n_u] = np.eye(n_u)
@@ -108,9 +114,12 @@ def quadratic_subproblem(
         target_price=np.zeros(len(target)),
         rate_rows=rate_rows,
         rate=t.nodal_rate(iterate.bank_rate),
-        bank_rows=condensed.state_map[:, BANK],
-        bank_lower=-problem.bank_limit - iterate.states[:, BANK],
-        bank_upper=problem.bank_limit - iterate.states[:, BANK],
+        bank_map=bank_map,
+        bank_rows=bank_map @ condensed.state_map[:, BANK],
+        # an iterate is within the limit at the nodes; between them it may be beyond by what the second
+        # order of a step has left, and must not go on
+        bank_lower=np.minimum(-limit - bank_map @ bank, 0.0),
+        bank_upper=np.maximum(limit - bank_map @ bank, 0.0),
         final_time_column=n_u,
         radius=np.inf,
         path_rows=path_rows,

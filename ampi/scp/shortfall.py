@@ -8,16 +8,39 @@ from ampi.missions.mission import Mission
 from ampi.missions.path_limits import KEPT, PathLimits
 from ampi.physics.angles import on_turn_of
 from ampi.physics.planet import great_circle_distance
-from ampi.trajectory import Trajectory
+from ampi.trajectory import POSITION_TOLERANCE, FlightCheck, Status, Trajectory
 
 DEGREE = float(np.pi / 180.0)
 
 
 def verdict(mission: Mission, trajectory: Trajectory) -> str:
     """The status's sentence, and for a flight that is not a solution what is open about it."""
-    status = trajectory.status
-    phrases = [] if status.ok else shortfall(mission, trajectory)
-    return f"{status.sentence} Open: {'; '.join(phrases)}." if phrases else status.sentence
+    status, flight = trajectory.status, trajectory.statistics.flight
+    sentences, phrases = [status.sentence], [] if status.ok else shortfall(mission, trajectory)
+    if phrases:
+        sentences.append(f"Open: {'; '.join(phrases)}.")
+    if flight is not None:
+        sentences.append(_flown(flight, doubted=status is Status.INACCURATE))
+    return " ".join(sentences)
+
+
+def _flown(flight: FlightCheck, *, doubted: bool) -> str:
+    """What the flight found, and what may help where it is not the optimum."""
+    if not np.isfinite(flight.position_error):
+        return "Its flight cannot be integrated; refine the mesh (ampi solve --refine)."
+    name = max(flight.use, key=lambda limit: flight.use[limit])
+    found = (
+        f"Flown again, it lies at most {_short(flight.position_error)} m from its nodes and uses "
+        f"{100.0 * flight.use[name]:.4g} % of {name}"
+    )
+    if not doubted:
+        return f"{found}, its nearest limit."
+    help_ = ["refine the mesh (ampi solve --refine)"]
+    if flight.exceeded:
+        asked = ", ".join(f"{limit.partition(' ')[0]}_margin" for limit in flight.exceeded)
+        help_.append(f"ask for a margin ([limits] {asked})")
+    tolerances = f"{POSITION_TOLERANCE:g} m and {100.0 * (1.0 + KEPT):g} % are tolerated"
+    return f"{found}, where {tolerances}: {' or '.join(help_)}."
 
 
 def shortfall(mission: Mission, trajectory: Trajectory) -> list[str]:

@@ -5,17 +5,20 @@ from __future__ import annotations
 import os
 from collections.abc import Hashable, Sequence
 from contextlib import AbstractContextManager, nullcontext
+from dataclasses import replace
 from functools import lru_cache
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from threadpoolctl import ThreadpoolController
 
 from ampi.missions.mission import GuessSection, Mission
+from ampi.propagation import flown_again
 from ampi.scp.capabilities import MethodError, check, check_bank_angle
 from ampi.scp.exact_hessian import ExactHessianIteration, SolverSettings
 from ampi.scp.family import kind, newton
-from ampi.scp.guess import ConstantBank, default_guess, from_trajectory, nodal_guess
+from ampi.scp.guess import ConstantBank, from_trajectory, nodal_guess
+from ampi.scp.guesses import from_any
 from ampi.scp.problem import OptimalControlProblem
 from ampi.scp.refinement import RefinementSettings, refine
 from ampi.trajectory import Status, Trajectory
@@ -44,7 +47,8 @@ def solve(
         on its own mesh: see `ampi.scp.methods`.
     guess
         A neighbouring trajectory (exact_hessian alone), a `ConstantBank`, or None: the mission's own
-        guess, or where it names none, the constant bank angle whose flight ends nearest to the target.
+        guess, or where it names none, the constant bank angle whose flight ends nearest to the target;
+        where that fails, exact_hessian tries others (`ampi.scp.guesses`).
     settings
         Solver settings of exact_hessian; the defaults need no tuning.
     refinement
@@ -57,7 +61,9 @@ def solve(
     Returns
     -------
     Trajectory
-        With a status, never an exception, for a hard problem.
+        With a status, never an exception, for a hard problem. It is flown again under its own bank
+        angle: `statistics.flight` says what that found, and where the flight is another than its nodes
+        say, or exceeds a limit between them, the status is `Status.INACCURATE`.
 
     Raises
     ------
@@ -65,6 +71,28 @@ def solve(
         If the method does not know a constraint, a term of the mission's objective or an argument,
         or the guess banks beyond the limit.
     """
+    found = optimum(
+        mission,
+        method=method,
+        guess=guess,
+        settings=settings,
+        refinement=refinement,
+        subproblem=subproblem,
+    )
+    return flown_again(mission, found)
+
+
+def optimum(
+    mission: Mission,
+    *,
+    method: str = "exact_hessian",
+    guess: Trajectory | ConstantBank | None = None,
+    settings: SolverSettings | None = None,
+    refinement: RefinementSettings | None = None,
+    subproblem: Solver | None = None,
+) -> Trajectory:
+    """`solve` without the flight: for who flies many optima at once. All it says is of the nodes."""
+    _refuse_other_kinds(mission, guess, settings, refinement)
     check(mission, method)
     if isinstance(guess, ConstantBank):
         check_bank_angle(mission, method, guess.bank_angle)
@@ -82,11 +110,21 @@ def solve(
         )
     chosen = settings or SolverSettings()
 
-    def solve_on(mission: Mission, guess: Trajectory | ConstantBank | None) -> Trajectory:
+    def solve_from(
+        mission: Mission, start: Trajectory | ConstantBank, settings: SolverSettings
+    ) -> Trajectory:
         problem = OptimalControlProblem.from_mission(mission)
-        start = guess if guess is not None else default_guess(mission)
-        nodal = None if start is None else nodal_guess(mission, start)
-        return ExactHessianIteration(problem, chosen).run(nodal, warm=isinstance(guess, Trajectory))
+        nodal, warm = nodal_guess(mission, start), isinstance(start, Trajectory)
+        return ExactHessianIteration(problem, settings).run(nodal, warm=warm)
+
+    def solve_on(mission: Mission, guess: Trajectory | ConstantBank | None) -> Trajectory:
+        if guess is not None:
+            return solve_from(mission, guess, chosen)
+        return from_any(
+            mission,
+            lambda start, most: solve_from(mission, start, replace(chosen, max_iterations=most)),
+            chosen.max_iterations,
+        )
 
     with _one_blas_thread():  # measured: threads more than double the time of small matrices
         if refinement is None:
@@ -101,7 +139,8 @@ def solve_family(
 ) -> list[Trajectory | None]:
     """Solve neighbouring missions together, each from a neighbour's solution on the same mesh.
 
-    The optima are those of `solve`; a solution does not depend on which missions are solved with it.
+    The optima are those of `solve`, and not flown again: what is said of them is said of the nodes. A
+    solution does not depend on which missions are solved with it.
 
     Parameters
     ----------
@@ -130,6 +169,30 @@ def solve_family(
             for place, solution in newton([problems[c] for c in cases], starts, settings):
                 found[cases[place]] = solution
     return found
+
+
+def _refuse_other_kinds(mission: Any, guess: Any, settings: Any, refinement: Any) -> None:
+    """What a call may confuse, in one sentence each."""
+    if not isinstance(mission, Mission):
+        raise MethodError(
+            f"mission: expected a Mission, got {mission!r}; load one with ampi.load_mission(name)"
+        )
+    if not isinstance(guess, Trajectory | ConstantBank | None):
+        raise MethodError(
+            f"guess: expected a Trajectory, a ConstantBank (rad) or None, got {guess!r}; a bank angle "
+            "is a guess as ampi.ConstantBank(bank_angle)"
+        )
+    if isinstance(guess, Trajectory) and guess.states.shape != (7, guess.mesh.n_nodes):
+        raise MethodError(
+            f"guess: expected states of shape (7, {guess.mesh.n_nodes}), those of its mesh, got "
+            f"{guess.states.shape}"
+        )
+    for name, value, expected in (
+        ("settings", settings, SolverSettings),
+        ("refinement", refinement, RefinementSettings),
+    ):
+        if not isinstance(value, expected | None):
+            raise MethodError(f"{name}: expected {expected.__name__} or None, got {value!r}")
 
 
 def _by_the_literature(

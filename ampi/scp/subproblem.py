@@ -54,9 +54,10 @@ class ConvexSubproblem:
     target_price: Array  # ν (t,)
     rate_rows: Array  # (n, n_z): δû at every node
     rate: Array  # û (n,)
-    bank_rows: Array  # Z_σ (n, n_z), rad
-    bank_lower: Array  # (n,)
-    bank_upper: Array  # (n,)
+    bank_map: Array  # (b, n): from the nodes to where the bank angle is bounded, the nodes first
+    bank_rows: Array  # Z_σ (b, n_z), rad
+    bank_lower: Array  # (b,)
+    bank_upper: Array  # (b,)
     final_time_column: int
     radius: float  # Δ
     path_rows: Array  # (m, n_z)
@@ -88,7 +89,7 @@ class Step:
     z: Array
     slack: Array  # s, one per limit
     target_multiplier: Array  # λ (t,)
-    bank_multiplier: Array  # (n,), upper minus lower
+    bank_multiplier: Array  # (b,), upper minus lower
     path_multiplier: Array  # (m,), ≥ 0
     absolute_multiplier: Array  # κ (k,), |κ| ≤ a
     status: str
@@ -180,6 +181,7 @@ def _on_error(problem: ConvexSubproblem) -> tuple[Array, Array, NDArray[np.intp]
 def solve_subproblem(problem: ConvexSubproblem) -> Step:
     """Solve Eq. (1) with Clarabel."""
     n_z, n, m = len(problem.gradient), len(problem.rate), len(problem.path_room)
+    b = len(problem.bank_rows)
     targets, k, limits = len(problem.target_error), len(problem.absolute_value), problem.n_limits
     rows, bounds = _on_z(problem)
     range_rows, range_bounds, exact = _on_error(problem)
@@ -197,7 +199,9 @@ def solve_subproblem(problem: ConvexSubproblem) -> Step:
     left[:targets, e:y] = np.hstack([-identity, -identity, identity])
     left[targets + np.arange(len(exact)), e + exact] = 1.0
     left[on_z:ranges, :n_z] = rows
-    path, absolute = on_z + 4 * n + 2, on_z + 4 * n + 2 + m
+    bank = on_z + 2 * n
+    path = bank + 2 * b + 2
+    absolute = path + m
     left[path + np.arange(m), s + problem.path_kind] = -1.0
     for first in (absolute, absolute + k):
         left[first + np.arange(k), y + np.arange(k)] = -1.0
@@ -229,7 +233,7 @@ def solve_subproblem(problem: ConvexSubproblem) -> Step:
         z=x[:n_z],
         slack=np.maximum(x[s:], 0.0),
         target_multiplier=dual[:targets],
-        bank_multiplier=dual[on_z + 2 * n : on_z + 3 * n] - dual[on_z + 3 * n : on_z + 4 * n],
+        bank_multiplier=dual[bank : bank + b] - dual[bank + b : bank + 2 * b],
         path_multiplier=dual[path:absolute],
         absolute_multiplier=dual[absolute : absolute + k] - dual[absolute + k : ranges],
         status=str(solution.status),

@@ -130,7 +130,7 @@ def _unsolved(problem: ConvexSubproblem, status: str) -> Step:
         z=np.full(len(problem.gradient), np.nan),
         slack=np.full(problem.n_limits, np.nan),
         target_multiplier=np.full(len(problem.target_error), np.nan),
-        bank_multiplier=np.full(len(problem.rate), np.nan),
+        bank_multiplier=np.full(len(problem.bank_rows), np.nan),
         path_multiplier=np.full(len(problem.path_room), np.nan),
         absolute_multiplier=np.full(len(problem.absolute_value), np.nan),
         status=status,

@@ -37,6 +37,7 @@ class RadauTranscription:
     core_derivative: tuple[Array, ...]  # per segment, D ⊗ I₅ without its first node, by columns
     integration: Array  # (n−1, n−1): ∫ from the entry to every collocation point, over h dτ
     entry_rate: Array  # (N₁,): bank rate at τ = −1 from the first segment's collocation values
+    between: Array  # (k, n): from nodal values to those at points between, five to a gap
 
     def half_lengths(self, final_time: float) -> Array:
         """h at every collocation point (s)."""
@@ -78,7 +79,19 @@ def radau_transcription(mesh: Mesh) -> RadauTranscription:
         ),
         integration=_integration(mesh),
         entry_rate=interpolation_matrix(inner, barycentric_weights(inner), [-1.0])[0],
+        between=_between(mesh),
     )
+
+
+def _between(mesh: Mesh) -> Array:
+    found = []
+    for s in mesh.segments:
+        rule, gaps = s.rule, np.diff(s.rule.nodes)[:, None]
+        points = (rule.nodes[:-1, None] + gaps * (np.arange(1, 6) / 6.0)).ravel()
+        rows = np.zeros((len(points), mesh.n_nodes))
+        rows[:, s.nodes] = interpolation_matrix(rule.nodes, rule.barycentric, points)
+        found.append(rows)
+    return np.vstack(found)
 
 
 def _integration(mesh: Mesh) -> Array:

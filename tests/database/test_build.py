@@ -13,6 +13,9 @@ from ampi.dataset import DatasetError, partial_folder, read_dataset
 from ampi.job import JobError
 from ampi.loading import load_guidance
 from ampi.missions.mission import Mission, load_mission, parse_mission
+from ampi.missions.path_limits import KEPT, PathLimits
+from ampi.propagation import reintegrate
+from ampi.scp.solve import solve
 from ampi.trajectory import Status, Trajectory
 from database.campaign import BuildError, Campaign
 from database.continuation import layers
@@ -95,7 +98,8 @@ def test_a_case_out_of_reach_is_a_record_and_the_file_cannot_fly(
     small_mission: Mission, tmp_path: Path
 ) -> None:
     """The steep corner cannot keep a load-factor limit that the others keep."""
-    text = small_mission.toml.replace("load_factor_g = 10.0", "load_factor_g = 8.0")
+    limit = "load_factor_g = 8.2\nload_factor_margin = 0.025"  # kept between the nodes too
+    text = small_mission.toml.replace("load_factor_g = 10.0", limit)
     path = tmp_path / "holes.h5"
     report = database.build(parse_mission(text), path, n_jobs=2)
     dataset = read_dataset(path)
@@ -166,13 +170,38 @@ def test_what_a_point_of_the_grid_asks_for_is_known_before(
     assert list(tmp_path.iterdir()) == []
 
 
-def test_flights_far_from_their_optima_are_doubted(tmp_path: Path) -> None:
+def test_a_nominal_flight_far_from_its_optimum_ends_the_build(tmp_path: Path) -> None:
     """The mesh of this mission is made for another method: re-integration contradicts the optimum."""
     text = load_mission("rlv_liu2024").toml + "\n[grid]\ndensity_factor = [0, 0.02]\n"
+    with pytest.raises(
+        BuildError, match=r"Flown again, it lies .* m from its nodes .* refine the mesh"
+    ):
+        database.build(parse_mission(text), tmp_path / "a.h5")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_case_whose_flight_exceeds_a_limit_is_a_hole_with_its_reason(
+    small_mission: Mission, tmp_path: Path
+) -> None:
+    """The nodes keep a limit that acts, what lies between does not: solved together or alone."""
+    others, _, _ = small_mission.toml.partition("[grid]")
+    peak = reintegrate(small_mission, solve(small_mission)).peak[0, 0]
+    lower = (0.9 * peak - 1.0) * small_mission.limits.dynamic_pressure / 1e3
+    text = f"{others}[grid]\nlimits.dynamic_pressure_kPa = [{lower}, -0.1, 0.0]\n"
     report = database.build(parse_mission(text), tmp_path / "a.h5")
     assert report.solved == 2
-    assert report.worst_position_error > 50.0
-    assert "m from its optimum, expected at most 50 m; refine the mesh" in report.doubts[0]
+    assert report.worst_limit <= 1.0 + KEPT
+    (failure,) = report.failures
+    assert failure.status is Status.INACCURATE
+    assert Status.INACCURATE.sentence in failure.message
+    assert "dynamic_pressure_margin" in failure.message
+    dataset = read_dataset(tmp_path / "a.h5")
+    assert dataset.status.tolist() == [int(Status.INACCURATE), 0, 0]
+    assert dataset.peak.shape == (3, len(PathLimits.of(dataset.mission).names))
+    assert 1.0 + KEPT < dataset.peak[0, 0] < 1.05
+    assert dataset.position_error[0] < 50.0
+    assert np.all(np.isnan(dataset.states[0]))
+    assert np.all(np.isnan(dataset.gains[0]))
 
 
 def test_an_existing_file_survives_a_failed_rebuild(

@@ -19,6 +19,7 @@ import pytest
 from ampi.missions.mission import load_mission
 from ampi.simulation.monte_carlo import load_campaigns
 from ampi.simulation.statistics import AreaRatio, footprint_ratio
+from ampi.trajectory import Status
 
 SMALL_GRID = """[grid]
 speed_m_per_s = [-70.0, 0.0, 70.0]
@@ -289,7 +290,7 @@ def test_a_target_out_of_reach_is_a_status(tmp_path: Path) -> None:
     text = load_mission("shefex3").toml.replace("longitude_deg = -45.75", "longitude_deg = -120.0")
     (tmp_path / "far.toml").write_text(text)
     told = run("solve", "far.toml", cwd=tmp_path, code=2).stderr
-    assert told.startswith("error: shefex3: Converged, but the target is out of reach")
+    assert told.startswith(f"error: shefex3: {Status.TARGET_MISSED.sentence} Open: the flight ends")
     assert re.search(r"Open: the flight ends [\d,]+ km from the target", unwrapped(told))
     refused = run("build", "far.toml", "far.h5", cwd=tmp_path, code=2).stderr
     assert "the nominal problem has no solution" in refused

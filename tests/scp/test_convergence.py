@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from ampi.missions.path_limits import KEPT
 from ampi.scp.convergence import ConvergenceSettings, verdict
 from ampi.scp.penalty import limit_excess
 from ampi.scp.problem import OptimalControlProblem
@@ -55,7 +56,7 @@ def test_the_target_is_met_within_its_tolerances(
 @pytest.mark.parametrize("kind", [0, 1, 2])
 def test_an_exceeded_limit_speaks_first(problem: OptimalControlProblem, kind: int) -> None:
     excess = np.zeros(3)
-    excess[kind] = 1.1e-4
+    excess[kind] = 1.1 * KEPT
     far = final_state(problem, up=1e4)
     cases = ((excess, Status.LIMITS_EXCEEDED), (0.9 * 0.9 * excess, Status.TARGET_MISSED))
     for over, status in cases:
@@ -69,7 +70,7 @@ def test_a_target_that_is_bought_off_is_missed(problem: OptimalControlProblem, k
     # On the very target: bought off it counts as missed, unless a limit is exceeded.
     settings, final = ConvergenceSettings(), final_state(problem)
     excess = np.zeros(3)
-    excess[kind] = 1.1e-4
+    excess[kind] = 1.1 * KEPT
     assert verdict(settings, problem, final, NONE, bought_off=False) is Status.SOLVED
     assert verdict(settings, problem, final, NONE, bought_off=True) is Status.TARGET_MISSED
     for bought_off in (False, True):

@@ -15,8 +15,8 @@ from ampi.physics.equations_of_motion import equations_of_motion
 from ampi.physics.planet import bearing, great_circle_distance
 from ampi.scp.guess import (
     ConstantBank,
-    best_constant_bank,
     constant_bank_guess,
+    constant_banks,
     default_guess,
     from_trajectory,
     nodal_guess,
@@ -70,7 +70,7 @@ def test_a_flight_that_never_slows_down_is_none(mission: Mission) -> None:
     leaving = mission.entry_state.copy()
     leaving[3], leaving[4] = 9000.0, 0.3
     assert constant_bank_guess(mission.with_entry(leaving), ConstantBank(0.0)) is None
-    assert best_constant_bank(mission.with_entry(leaving), candidates=2) is None
+    assert constant_banks(mission.with_entry(leaving), candidates=2) == []
 
 
 def test_a_flight_that_ends_before_the_last_phase_is_none(mission: Mission) -> None:
@@ -80,7 +80,7 @@ def test_a_flight_that_ends_before_the_last_phase_is_none(mission: Mission) -> N
 
 
 def test_the_best_constant_bank_ends_nearest(mission: Mission) -> None:
-    best = best_constant_bank(mission, candidates=5)
+    best, *_ = constant_banks(mission, candidates=5)
     assert best is not None
     target = mission.target
 
@@ -102,7 +102,7 @@ def test_a_mission_may_name_its_guess(mission: Mission) -> None:
     named = mission.model_copy(update={"guess": GuessSection(bank_angle_deg=12.0)})
     assert default_guess(named) == ConstantBank(np.radians(12.0))
     unnamed = mission.model_copy(update={"guess": None})
-    assert default_guess(unnamed) == best_constant_bank(mission)
+    assert default_guess(unnamed) == constant_banks(mission)[0]
 
 
 def test_a_trajectory_on_its_own_mesh_is_taken_as_it_is(

@@ -207,12 +207,14 @@ def test_rows_of_the_bank_and_its_rate(
     rate = t.nodal_rate(there.iterate.bank_rate)
     assert convex.rate + convex.rate_rows @ d == pytest.approx(rate, abs=1e-11)
     limit = flight.problem.bank_limit
-    assert optimum.iterate.states[:, 6] + convex.bank_upper == pytest.approx(
-        np.full(len(rate), limit)
-    )
-    assert optimum.iterate.states[:, 6] + convex.bank_lower == pytest.approx(
-        np.full(len(rate), -limit)
-    )
+    bank = optimum.iterate.states[:, 6]
+    places = convex.bank_map @ bank
+    assert np.array_equal(convex.bank_map[: len(rate)], np.eye(len(rate)))
+    between = t.between @ bank
+    near = np.abs(between) > 0.85 * limit
+    assert places[len(rate) :] == pytest.approx(between[near])
+    assert places + convex.bank_upper == pytest.approx(np.full(len(places), limit))
+    assert places + convex.bank_lower == pytest.approx(np.full(len(places), -limit))
 
 
 def test_merit_tightens_the_bank_box(convex: ConvexSubproblem) -> None:
@@ -234,7 +236,14 @@ def test_multipliers_are_spread_over_the_nodes(convex: ConvexSubproblem) -> None
     assert spread.limits.sum() == pytest.approx(step.path_multiplier.sum())
     assert spread.limits[convex.path_node[3], convex.path_kind[3]] == 4.0
     assert np.array_equal(spread.target, step.target_multiplier)
-    assert np.array_equal(spread.bank, step.bank_multiplier)
+    n = len(convex.rate)
+    on_bank, halfway = np.zeros(n + 1), np.zeros(n)
+    on_bank[[3, n]] = 2.0, -3.0  # at a node, and between nodes
+    halfway[:2] = 0.4, 0.6
+    wider = replace(bounded, bank_map=np.vstack([np.eye(n), halfway]))
+    bank = Multipliers.of(replace(step, bank_multiplier=on_bank), wider).bank
+    assert bank[:4] == pytest.approx([-1.2, -1.8, 0.0, 2.0])
+    assert bank.sum() == pytest.approx(-1.0)  # what lies between is shared out, nothing is lost
 
 
 def test_no_step_is_left_at_the_optimum(

@@ -16,7 +16,7 @@ from ampi.physics.path_constraints import PATH_CONSTRAINTS, path_constraints
 from ampi.pseudospectral.mesh import Mesh, Phase
 from ampi.scp.guess import ConstantBank
 from ampi.scp.refinement import RefinementSettings, mesh_error, refine, refined_mesh
-from ampi.scp.solve import solve
+from ampi.scp.solve import optimum, solve
 from ampi.trajectory import Status, Trajectory
 
 GUESS = ConstantBank(np.radians(-30.0))
@@ -34,7 +34,7 @@ def on_coarse_mesh(mission: Mission) -> Mission:
 
 @pytest.fixture(scope="module")
 def coarse(mission: Mission) -> Trajectory:
-    return solve(on_coarse_mesh(mission), guess=GUESS)
+    return optimum(on_coarse_mesh(mission), guess=GUESS)
 
 
 def test_the_error_is_small_on_a_fine_mesh_and_large_on_a_coarse_one(

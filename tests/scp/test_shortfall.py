@@ -11,7 +11,7 @@ from ampi.missions import Mission
 from ampi.missions.mission import NoFlyZoneSection
 from ampi.physics.path_constraints import PATH_CONSTRAINTS, path_constraints
 from ampi.scp.shortfall import shortfall, verdict
-from ampi.trajectory import Status, Trajectory
+from ampi.trajectory import Statistics, Status, Trajectory
 
 
 def with_section(mission: Mission, section: str, **values: object) -> Mission:
@@ -22,7 +22,14 @@ def with_section(mission: Mission, section: str, **values: object) -> Mission:
 
 def test_a_solution_leaves_nothing_open(mission: Mission, nominal: Trajectory) -> None:
     assert shortfall(mission, nominal) == []
-    assert verdict(mission, nominal) == Status.SOLVED.sentence
+    flight = nominal.statistics.flight
+    assert flight is not None
+    assert verdict(mission, nominal) == (
+        f"{Status.SOLVED.sentence} Flown again, it lies at most {flight.position_error:.3g} m from its "
+        f"nodes and uses {100.0 * max(flight.use.values()):.4g} % of bank_angle, its nearest limit."
+    )
+    unflown = replace(nominal, statistics=replace(nominal.statistics, flight=None))
+    assert verdict(mission, unflown) == Status.SOLVED.sentence
 
 
 @pytest.mark.parametrize("kind", range(3))
@@ -70,7 +77,8 @@ def test_the_verdict_joins_the_sentence_and_what_is_open(
     mission: Mission, nominal: Trajectory
 ) -> None:
     away = with_section(mission, "target", latitude=mission.target.latitude + np.radians(2.0))
-    missed = replace(nominal, status=Status.TARGET_MISSED)
+    unflown = replace(nominal.statistics, flight=None)
+    missed = replace(nominal, status=Status.TARGET_MISSED, statistics=unflown)
     assert verdict(away, missed) == (
         f"{Status.TARGET_MISSED.sentence} Open: the flight ends 223 km from the target."
     )
@@ -79,7 +87,6 @@ def test_the_verdict_joins_the_sentence_and_what_is_open(
 def test_where_there_is_no_flight_there_is_nothing_to_say(
     mission: Mission, nominal: Trajectory
 ) -> None:
-    nothing = replace(
-        nominal, states=np.full_like(nominal.states, np.nan), status=Status.GUESS_FAILED
-    )
+    nowhere = np.full_like(nominal.states, np.nan)
+    nothing = replace(nominal, states=nowhere, status=Status.GUESS_FAILED, statistics=Statistics())
     assert verdict(mission, nothing) == Status.GUESS_FAILED.sentence

@@ -251,6 +251,7 @@ def small_subproblem(seed: int, price: float) -> ConvexSubproblem:
         target_price=price * rng.uniform(1.0, 2.0, 4),
         rate_rows=rng.normal(size=(5, 8)),
         rate=rng.uniform(-0.9, 0.9, 5),
+        bank_map=np.eye(5),
         bank_rows=rng.normal(size=(5, 8)),
         bank_lower=-rng.uniform(0.1, 1.0, 5),
         bank_upper=rng.uniform(0.1, 1.0, 5),
