@@ -275,11 +275,14 @@ class _Build:
         )
 
     def try_again(self) -> None:
-        """A second pass over the cases that are not solved, and over the blocks that hold them."""
+        """A second pass over the cases that are not solved, and over the blocks that hold them.
+
+        What raised, hung or killed its worker from every start has had its chances, dear ones.
+        """
         shape, unsolved = self.campaign.grid.shape, list[int]()
         for block in blocks(shape):
             status = decoded_block(self.block(block), block.shape, ("status",))["status"].ravel()
-            failed = np.flatnonzero(status != int(Status.SOLVED))
+            failed = np.flatnonzero(~np.isin(status, (int(Status.SOLVED), int(Status.ERROR))))
             if len(failed):
                 cases = block.cases(shape)
                 found = [cases[k] for k in failed if cases[k] not in self.settled]

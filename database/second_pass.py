@@ -66,7 +66,7 @@ def _kept(campaign: Campaign, case: int) -> CaseRecord:
 
 
 def nearby(grid: Grid, case: int) -> Iterator[tuple[int, bool]]:
-    """Cases one grid step away along one axis or two, and whether that is towards the centre.
+    """Cases one grid step away along one axis or two, and whether a step is towards the centre.
 
     Along one axis first.
     """
@@ -74,10 +74,10 @@ def nearby(grid: Grid, case: int) -> Iterator[tuple[int, bool]]:
     for count in range(1, MOST_AXES + 1):
         for axes in combinations(range(len(grid.shape)), count):
             for steps in product((-1, 1), repeat=count):
-                there, inward = index.copy(), True
+                there, inward = index.copy(), False
                 for axis, step in zip(axes, steps, strict=True):
                     there[axis] += step
-                    inward &= abs(there[axis] - grid.centre[axis]) < abs(
+                    inward |= abs(there[axis] - grid.centre[axis]) < abs(
                         index[axis] - grid.centre[axis]
                     )
                 if np.all(there >= 0) and np.all(there < grid.shape):
@@ -139,7 +139,7 @@ class SolveAgain(Job):
         """What has not been tried: in the first round all but the neighbours, then what is new.
 
         A case that has converged elsewhere has followed its branch from within to the end: only what
-        lies outwards can be on another.
+        lies outwards on every axis can be on another.
         """
         campaign, found = self.campaign, []
         converged = before.trajectory.status.converged
