@@ -336,6 +336,9 @@ class NoFlyZoneSection(Section):
 TARGET_WEIGHTS = ("altitude_weight", "longitude_weight", "latitude_weight", "speed_weight")
 
 
+SMALLEST_WEIGHT = 1e-20  # in SI, and the inverse of the largest
+
+
 class ObjectiveSection(Section):
     """What is minimised: a weighted sum of the terms that are given.
 
@@ -358,7 +361,13 @@ class ObjectiveSection(Section):
     @model_validator(mode="after")
     def _terms_fit(self) -> ObjectiveSection:
         given = [name for name in TARGET_WEIGHTS if getattr(self, name) is not None]
-        found = []
+        weights = {name: abs(getattr(self, name) or 0.0) for name in type(self).model_fields}
+        found = [
+            f"{name}: expected 0 or a size between {SMALLEST_WEIGHT:g} and {1 / SMALLEST_WEIGHT:g} (SI), "
+            f"got {weight:g}"
+            for name, weight in weights.items()
+            if weight and not SMALLEST_WEIGHT <= weight <= 1.0 / SMALLEST_WEIGHT
+        ]
         if given and len(given) < len(TARGET_WEIGHTS):
             missing = ", ".join(n for n in TARGET_WEIGHTS if n not in given)
             found.append(f"expected all four target weights or none, missing {missing}")

@@ -75,6 +75,10 @@ FAULTS = {
         "no_fly_zone 1: expected the entry outside the zone, got it 24 km from the centre of a "
         "zone of 100 km; move the zone or the entry",
     ),
+    "an absurd weight": (
+        ("bank_rate_effort = 1e-5", "bank_rate_effort = 1e300"),
+        "bank_rate_effort: expected 0 or a size between 1e-20 and 1e+20 (SI), got 1e+300",
+    ),
     "a missing unit": (
         ("mass_kg = 500.0", "mass = 500.0"),
         "vehicle: mass: expected a mass with its unit in the key (mass_kg), got mass = 500.0",
