@@ -363,7 +363,7 @@ class ObjectiveSection(Section):
         given = [name for name in TARGET_WEIGHTS if getattr(self, name) is not None]
         weights = {name: abs(getattr(self, name) or 0.0) for name in type(self).model_fields}
         found = [
-            f"{name}: expected 0 or a size between {SMALLEST_WEIGHT:g} and {1 / SMALLEST_WEIGHT:g} (SI), "
+            f"{name}: expected 0 or a size from {SMALLEST_WEIGHT:g} to {1 / SMALLEST_WEIGHT:g} (SI), "
             f"got {weight:g}"
             for name, weight in weights.items()
             if weight and not SMALLEST_WEIGHT <= weight <= 1.0 / SMALLEST_WEIGHT

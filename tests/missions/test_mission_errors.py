@@ -77,7 +77,7 @@ FAULTS = {
     ),
     "an absurd weight": (
         ("bank_rate_effort = 1e-5", "bank_rate_effort = 1e300"),
-        "bank_rate_effort: expected 0 or a size between 1e-20 and 1e+20 (SI), got 1e+300",
+        "bank_rate_effort: expected 0 or a size from 1e-20 to 1e+20 (SI), got 1e+300",
     ),
     "a missing unit": (
         ("mass_kg = 500.0", "mass = 500.0"),
