@@ -255,6 +255,21 @@ def test_with_the_matrices_of_the_point_the_simplified_step_is_newtons(pair: Pai
     assert other.final_time == pytest.approx(run.final_time, rel=1e-9)
 
 
+@pytest.mark.parametrize("beyond", ["bank", "rate", "path"])
+def test_a_case_beyond_a_limit_is_left_to_the_whole_method(pair: Pair, beyond: str) -> None:
+    _, _, _, _, run = pair
+    run = copy.deepcopy(run)
+    run.path[:] = 0.5
+    assert run.inside().all()
+    if beyond == "bank":
+        run.x[6, 1, 20] = 1.001 * run.problem.bank_limit
+    elif beyond == "rate":
+        run.u[1, 20] = -1.001
+    else:
+        run.path[0, 1, 20] = 1.001
+    assert run.inside().tolist() == [True, False]
+
+
 def test_a_saddle_is_not_taken(problem: OptimalControlProblem, centre: Trajectory) -> None:
     # With multipliers of the wrong sign the Hessian under the target is indefinite.
     guess = from_trajectory(centre, load_mission("shefex3"))
@@ -269,3 +284,20 @@ def test_the_front_door_says_what_it_takes(mission: Mission, centre: Trajectory)
     assert solve_family([], []) == []
     assert ampi.solve_family is solve_family
     assert RestorationSettings().tolerance == 1e-9
+
+
+def test_a_case_that_does_not_contract_is_given_up(
+    pair: Pair, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Steps of one size: the first may be any, the second is to be half of it at the most."""
+    _, _, _, _, run = pair
+    steps = []
+
+    def same(self: _Newton, *arguments: object) -> tuple[np.ndarray, np.ndarray]:
+        steps.append(1)
+        return np.full(2, 0.2), np.zeros((2, self.u.shape[1], 6))
+
+    monkeypatch.setattr(_Newton, "newton_step", same)
+    monkeypatch.setattr(_Newton, "simplified_step", lambda *arguments: np.full(2, 0.2))
+    assert list(copy.deepcopy(run).run(0.0)) == []
+    assert len(steps) == 2

@@ -11,7 +11,9 @@ from numpy.typing import NDArray
 from ampi.missions import Mission
 from ampi.scp.condensing import Iterate
 from ampi.scp.cost import cost_of
-from ampi.scp.iterate import Flight, Linearised, Point
+from ampi.scp.guess import from_trajectory
+from ampi.scp.iterate import Flight, Linearised, Point, RestorationSettings
+from ampi.scp.problem import OptimalControlProblem
 from ampi.scp.quadratic_model import (
     CurvatureSettings,
     Multipliers,
@@ -255,3 +257,67 @@ def test_no_step_is_left_at_the_optimum(
     assert np.abs(convex.bank_rows @ step.z).max() < 1e-6
     assert np.abs(convex.bank_rows @ step.z).max() < 1e-3 * nominal.statistics.log[0].step
     assert mission.limits.bank_angle > np.abs(nominal.states[6]).max()
+
+
+def test_every_node_near_a_limit_is_a_row(
+    flight: Flight, optimum: Point, linearised: Linearised, multipliers: Multipliers
+) -> None:
+    convex = quadratic_subproblem(
+        flight, optimum, linearised, multipliers, met=EVERYTHING, settings=CurvatureSettings()
+    )
+    near = optimum.path > 0.6
+    assert np.any(near & (optimum.path < 0.95))  # none of them acts yet: a step may lead there
+    rows = np.zeros_like(near)
+    rows[convex.path_node, convex.path_kind] = True
+    assert np.array_equal(rows, near)
+
+
+def test_multipliers_of_the_bank_bend_the_lagrangian(
+    flight: Flight, optimum: Point, linearised: Linearised, multipliers: Multipliers
+) -> None:
+    """The bank angle is bilinear in its rate and the final time."""
+    pressed = replace(multipliers, bank=np.linspace(-1.0, 2.0, len(optimum.path)))
+    free, held = (
+        quadratic_subproblem(
+            flight,
+            optimum,
+            linearised,
+            one,
+            met=EVERYTHING,
+            settings=CurvatureSettings(floor=1e-12),
+        ).hessian
+        for one in (multipliers, pressed)
+    )
+    change = np.abs(held - free)
+    assert change[:-2, -2].max() > 1e-6 * np.abs(free).max()
+
+
+def test_an_absolute_value_at_its_kink_holds_the_step(
+    mission: Mission, nominal: Trajectory, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Its multiplier is below its weight there; beside the kink it is the weight itself."""
+    objective = mission.objective.model_copy(update={"bank_rate_variation": 1.0})
+    varied = mission.model_copy(update={"objective": objective})
+    problem = OptimalControlProblem.from_mission(varied)
+    flying = Flight.of(problem, RestorationSettings())
+    point = flying.first_point(from_trajectory(nominal, varied))
+    assert point is not None
+    found = []
+
+    def recorded(hessian: Array, held: Array, floor: float) -> Array:
+        found.append(held)
+        return hessian
+
+    monkeypatch.setattr("ampi.scp.quadratic_model.convexify_on_tangent", recorded)
+    at_kink = Multipliers.first(problem, point)
+    share = np.where(np.arange(len(at_kink.absolute)) < 5, 0.3, 1.0)
+    at_kink = replace(at_kink, absolute=share * at_kink.absolute)
+    convex = quadratic_subproblem(
+        flying,
+        point,
+        flying.linearise(point.iterate),
+        at_kink,
+        met=EVERYTHING,
+        settings=CurvatureSettings(),
+    )
+    assert np.array_equal(found[0], np.concatenate([convex.target_map, convex.absolute_rows[:5]]))
