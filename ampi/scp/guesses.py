@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ampi.missions.mission import Mission
+from ampi.missions.path_limits import KEPT
 from ampi.physics.planet import great_circle_distance
 from ampi.scp.guess import ConstantBank, constant_banks, default_guess
 from ampi.trajectory import GuessTried, Status, Trajectory
@@ -38,7 +39,8 @@ def from_any(mission: Mission, solve_from: SolveFrom, most_iterations: int) -> T
     """The solution from the default guess, or the best answer of the others.
 
     The others have `OTHERS` iterations together. Solved and cheapest is best; where nothing
-    is solved, the least that is left open: the excess of the limits and the miss, as shares.
+    is solved, the least that is left open: the excess of the limits and the miss of an exact target, as
+    shares; and of equals the cheapest.
     """
     first = default_guess(mission)
     if first is None:
@@ -108,8 +110,11 @@ def _badness(mission: Mission, trajectory: Trajectory) -> tuple[int, float, floa
     there = (target.longitude, target.latitude)
     way = float(great_circle_distance(entry.longitude, entry.latitude, *there, 1.0))
     miss = float(great_circle_distance(final[1], final[2], *there, 1.0))
-    share = 0.0 if target.position == "free" or way == 0.0 else miss / way
-    opened = max(trajectory.statistics.limit_excess) + share
+    # the cost of a soft target tells its miss, and knows which final states count
+    soft = mission.objective.altitude_weight is not None or target.position == "free"
+    share = 0.0 if soft or way == 0.0 else miss / way
+    excess = max(trajectory.statistics.limit_excess)
+    opened = (excess if excess > KEPT else 0.0) + share
     return 1 if trajectory.status.converged else 2, opened, trajectory.cost
 
 
