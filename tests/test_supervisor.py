@@ -148,9 +148,15 @@ def ampi(folder: Path, *words: str) -> subprocess.Popen[str]:
         stderr=subprocess.PIPE,
         text=True,
         start_new_session=True,
-        # a shell's background jobs ignore the interrupt, and so do their children
-        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler),
+        preexec_fn=_hear,
     )
+
+
+def _hear() -> None:
+    """A shell's background jobs ignore the interrupt, those of nohup the end of a terminal, and so do
+    their children."""
+    signal.signal(signal.SIGINT, signal.default_int_handler)
+    signal.signal(signal.SIGHUP, signal.SIG_DFL)
 
 
 def finished_well(process: subprocess.Popen[str]) -> None:
