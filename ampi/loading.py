@@ -39,8 +39,8 @@ def guidance_table(dataset: TrajectoryDataset, holes: Holes = "refuse") -> Guida
         message = dataset.message.ravel()[first].decode("utf-8", "replace")
         raise DatasetError(
             f"{len(missing)} of {solved.size} cases have no solution, the first is case "
-            f"{first}: {message}. A table with holes cannot fly unless it is asked to (holes='fly', "
-            "--holes fly); or leave them out with: ampi crop"
+            f"{first}: {message.rstrip('.')}. A table with holes cannot fly unless it is asked to "
+            "(holes='fly', --holes fly); or leave them out with: ampi crop"
         )
     rows = np.concatenate([dataset.states, dataset.bank_rate[..., None, :], dataset.gains], axis=-2)
     final_time = dataset.final_time

@@ -68,7 +68,10 @@ _SENTENCES = {
     Status.SUBPROBLEM_FAILED: "Stopped: the convex subproblem returned no usable step.",
     Status.GUESS_FAILED: "Not started: the initial guess could not be flown on this mesh.",
     Status.REFINEMENT_LIMIT: "Converged, but mesh refinement reached a cap before its tolerance.",
-    Status.INACCURATE: "Converged at the nodes, but the flight between is another: refine the mesh.",
+    Status.INACCURATE: (
+        "Converged at the nodes, but between them the flight is another, or exceeds a limit: refine the "
+        "mesh, or ask for a margin."
+    ),
     Status.ERROR: "Not solved: the case raised an error; see its log.",
 }
 
