@@ -28,7 +28,7 @@ from ampi.missions.mission import Mission, MissionError, load_mission
 from ampi.outputs import FIGURES, check_figures, check_output, written
 from ampi.progress import progress
 from ampi.terminal import discard, standard_stream
-from ampi.trajectory import GuessTried, Trajectory
+from ampi.trajectory import GuessTried, Status, Trajectory
 
 if TYPE_CHECKING:
     from ampi.dataset import TrajectoryDataset
@@ -224,10 +224,9 @@ def solve(
                 f"  {key:34} {value:.8g}" if not isinstance(value, str) else f"  {key:34} {value}"
             )
     if not optimum.status.ok:
-        _print_error(
-            f"{_escaped(loaded.name)}: {_escaped(verdict(loaded, optimum))} "
-            "Move the target, widen the limits, or try another --bank-angle"
-        )
+        says_how = optimum.status in (Status.INACCURATE, Status.REFINEMENT_LIMIT)
+        ways = "" if says_how else " Move the target, widen the limits, or try another --bank-angle"
+        _print_error(f"{_escaped(loaded.name)}: {_escaped(verdict(loaded, optimum))}{ways}")
         raise typer.Exit(2)
 
 

@@ -35,14 +35,12 @@ def _flown(flight: FlightCheck, *, doubted: bool) -> str:
     )
     if not doubted:
         return f"{found}, its nearest limit."
-    help_ = ["refine the mesh (ampi solve --refine)"]
+    ways = ["ampi solve --refine"]
     if list(flight.exceeded) == ["bank_rate"] and flight.position_error <= POSITION_TOLERANCE:
-        help_ = []  # beside a switch a polynomial overshoots on any mesh
-    if flight.exceeded:
-        asked = ", ".join(f"{limit.partition(' ')[0]}_margin" for limit in flight.exceeded)
-        help_.append(f"ask for a margin ([limits] {asked})")
+        ways = []  # beside a switch a polynomial overshoots on any mesh
+    ways += [f"[limits] {limit.partition(' ')[0]}_margin" for limit in flight.exceeded]
     tolerances = f"{POSITION_TOLERANCE:g} m and {100.0 * (1.0 + KEPT):g} % are tolerated"
-    return f"{found}, where {tolerances}: {' or '.join(help_)}."
+    return f"{found}, where {tolerances}; try: {', '.join(ways)}."
 
 
 def shortfall(mission: Mission, trajectory: Trajectory) -> list[str]:
