@@ -21,6 +21,7 @@ from database.campaign import BuildError, Campaign
 from database.continuation import layers
 from database.grid import Grid
 from database.jobs import SolveCase
+from database.rerun import rerun
 from database.stand_in import neighbour_moved
 
 
@@ -202,6 +203,9 @@ def test_a_case_whose_flight_exceeds_a_limit_is_a_hole_with_its_reason(
     assert dataset.position_error[0] < 50.0
     assert np.all(np.isnan(dataset.states[0]))
     assert np.all(np.isnan(dataset.gains[0]))
+    again = rerun(tmp_path / "a.h5", 0)
+    assert again.trajectory.status is Status.INACCURATE
+    assert again.attempts[-1].outcome in again.stored
 
 
 def test_an_existing_file_survives_a_failed_rebuild(

@@ -64,9 +64,7 @@ def test_a_limit_exceeded_between_the_nodes_is_no_solution(tight: Mission) -> No
     assert list(flight.exceeded) == ["dynamic_pressure"]
     said = verdict(tight, found)
     assert f"uses {100.0 * flight.use['dynamic_pressure']:.4g} % of dynamic_pressure" in said
-    assert said.endswith(
-        "try: ampi solve --refine, [limits] dynamic_pressure_margin."
-    )
+    assert said.endswith("try: ampi solve --refine, [limits] dynamic_pressure_margin.")
 
 
 def test_a_margin_keeps_the_limit_itself(tight: Mission) -> None:
