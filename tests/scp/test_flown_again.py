@@ -22,6 +22,7 @@ from ampi.trajectory import POSITION_TOLERANCE, FlightCheck, Status, Trajectory
 
 GUESS = ConstantBank(np.radians(30.0))
 ORBITAL = Path(__file__).parent / "orbital.toml"
+MARS = Path(__file__).parent / "mars.toml"
 
 
 def with_limits(mission: Mission, **limits: float) -> Mission:
@@ -158,3 +159,10 @@ def test_bank_limits_hold_at_and_between_the_nodes_on_the_way_to_an_optimum() ->
     assert flight is not None
     assert 1.0 - KEPT < flight.use["bank_angle"] < 1.0 + KEPT
     assert np.abs(found.states[6]).max() <= mission.limits.bank_angle * (1.0 + 1e-9)
+
+
+def test_a_soft_target_is_met_as_well_as_its_weights_ask() -> None:
+    """0.57 km from it on a planet half the Earth's size: that is not out of reach."""
+    found = solve(load_mission(MARS))
+    assert found.status is Status.SOLVED
+    assert abs(found.states[0, -1] - 9e3) < 1.0
