@@ -21,9 +21,9 @@ if TYPE_CHECKING:
     from ampi.missions.mission import Mission, load_mission
     from ampi.onboard.health import Health
     from ampi.onboard.reference import Mode, Reference
-    from ampi.scp.capabilities import MethodError
-    from ampi.scp.exact_hessian import SolverSettings
+    from ampi.scp.condensed.exact_hessian import SolverSettings
     from ampi.scp.guess import ConstantBank
+    from ampi.scp.problem.capabilities import MethodError
     from ampi.scp.refinement import RefinementSettings
     from ampi.scp.solve import solve, solve_family
     from ampi.simulation.closed_loop import FlightStatus
@@ -50,12 +50,12 @@ _HOME = {
     "Flights": "ampi.simulation.monte_carlo",
     "Guidance": "ampi.guidance",
     "Health": "ampi.onboard.health",
-    "MethodError": "ampi.scp.capabilities",
+    "MethodError": "ampi.scp.problem.capabilities",
     "Mission": "ampi.missions.mission",
     "Mode": "ampi.onboard.reference",
     "Reference": "ampi.onboard.reference",
     "RefinementSettings": "ampi.scp.refinement",
-    "SolverSettings": "ampi.scp.exact_hessian",
+    "SolverSettings": "ampi.scp.condensed.exact_hessian",
     "Status": "ampi.trajectory",
     "Trajectory": "ampi.trajectory",
     "fly": "ampi.simulation.monte_carlo",

@@ -23,16 +23,16 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from ampi.job import JobError
 from ampi.missions.mission import Mission, MissionError, load_mission
 from ampi.outputs import FIGURES, check_figures, check_output, written
 from ampi.progress import progress
 from ampi.terminal import discard, standard_stream
 from ampi.trajectory import GuessTried, Status, Trajectory
+from ampi.workers.job import JobError
 
 if TYPE_CHECKING:
     from ampi.dataset import TrajectoryDataset
-    from ampi.report.reproduction_table import Reproduction
+    from ampi.papers.table import Reproduction
 
 app = typer.Typer(
     help="Entry guidance from a database of optimal trajectories.",
@@ -181,8 +181,8 @@ def solve(
     Exit status 2 where the answer is no solution; it is printed and drawn all the same.
     """
     from ampi.scp.guess import ConstantBank
+    from ampi.scp.problem.shortfall import verdict
     from ampi.scp.refinement import RefinementSettings
-    from ampi.scp.shortfall import verdict
     from ampi.scp.solve import solve as solve_mission
 
     with _told():
@@ -314,8 +314,8 @@ def _write_trajectory(
     if table is not None:
         _write_csv(table, optimum.times, optimum.states, optimum.bank_rate)
     if plot is not None:
-        from ampi.report.look import save_figure
-        from ampi.report.single import trajectory_figure
+        from ampi.report.figures.look import save_figure
+        from ampi.report.figures.single import trajectory_figure
 
         save_figure(plot, trajectory_figure(mission, optimum), made_by)
 
@@ -367,9 +367,9 @@ def build(
     """
     import database
     from ampi.dataset import partial_folder
-    from database.campaign import TIME_LIMIT
-    from database.grid import Grid
-    from database.records import count_records
+    from database.plan.grid import Grid
+    from database.records.campaign import TIME_LIMIT
+    from database.records.record_files import count_records
 
     with _told():
         loaded = load_mission(mission)
@@ -516,7 +516,7 @@ def verify(path: DatabaseArgument, as_json: Json = False) -> None:
 
     Exit status 2 where the file is damaged.
     """
-    from database.verify import verify as verify_file
+    from database.audit.verify import verify as verify_file
 
     with _told():
         found = verify_file(path)
@@ -551,7 +551,7 @@ def audit(
 ) -> None:
     """Is the database true, is it smooth, what does interpolating it cost, where would a point pay?"""
     from ampi.dataset import read_dataset
-    from database.audit import audit as audit_dataset
+    from database.audit.audit import audit as audit_dataset
     from database.repair import repair
 
     with _told():
@@ -597,7 +597,7 @@ def audit(
 
 
 def _print_coherence(report: Any, path: Path) -> None:
-    from database.coherence import ROWS, THRESHOLD
+    from database.audit.coherence import ROWS, THRESHOLD
 
     smooth = report.coherence
     if not smooth.triples:
@@ -622,7 +622,7 @@ def _print_coherence(report: Any, path: Path) -> None:
 
 
 def _print_branches(report: Any, path: Path) -> None:
-    from database.branches import FLOWN
+    from database.audit.branches import FLOWN
 
     found = report.branches
     if found.worst_pair is None:
@@ -665,7 +665,7 @@ def _outlier_name(outlier: Any) -> str:
 
 def _best_cell(report: Any) -> Any:
     """Where a point pays most; None if failed cases hide every cell."""
-    from database.error_map import best_cell
+    from database.audit.error_map import best_cell
 
     known = any(np.isfinite(cell.gain) for cell in report.error_map)
     return best_cell(report.error_map) if known else None
@@ -696,9 +696,9 @@ AUDIT_FIGURES = ("coherence.png", "error_map.png")
 
 
 def _draw_audit(report: Any, folder: Path) -> None:
-    from ampi.report.audit_figures import CellBar, coherence_figure, error_map_figure
-    from ampi.report.look import save_figure
-    from database.coherence import THRESHOLD
+    from ampi.report.figures.audit import CellBar, coherence_figure, error_map_figure
+    from ampi.report.figures.look import save_figure
+    from database.audit.coherence import THRESHOLD
 
     best = _best_cell(report)
     bars = [
@@ -862,8 +862,8 @@ def guide(
         if table is not None:
             _write_csv(table, reference.times, reference.states, reference.bank_rate)
         if plot is not None:
-            from ampi.report.look import save_figure
-            from ampi.report.single import reference_figure
+            from ampi.report.figures.look import save_figure
+            from ampi.report.figures.single import reference_figure
 
             save_figure(
                 plot, reference_figure(loaded.with_parameters(measured), reference), "ampi guide"
@@ -1005,8 +1005,8 @@ def report(
     from ampi.loading import guidance_table
     from ampi.missions.mission import mission_digest
     from ampi.simulation.monte_carlo import load_campaigns
-    from database.branches import branch_doubt, stations, suspects
-    from database.grid import Grid
+    from database.audit.branches import branch_doubt, stations, suspects
+    from database.plan.grid import Grid
 
     with _told():
         check_output(output, force=force, made_by="ampi report", others=[path, campaigns])
@@ -1054,8 +1054,8 @@ def _now() -> str:
 def _audit_lines(dataset: TrajectoryDataset, path: Path) -> dict[str, str]:
     """What the file knows of itself, and what follows from it without another solve."""
     from ampi.missions.path_limits import PathLimits
-    from database.coherence import ROWS, THRESHOLD, coherence
-    from database.error_map import error_map
+    from database.audit.coherence import ROWS, THRESHOLD, coherence
+    from database.audit.error_map import error_map
 
     solved, names = dataset.solved, PathLimits.of(dataset.mission).names
     lines = {"Cases solved": f"{np.count_nonzero(solved)} of {solved.size}"}
@@ -1111,7 +1111,7 @@ def reproduce(
     as_json: Json = False,
 ) -> None:
     """Print the tables of the optimiser papers: paper, ours by the same method, ours by our method."""
-    from ampi.report.reproduction import PAPERS
+    from ampi.papers.reproduction import PAPERS
 
     chosen = papers or list(PAPERS)
     with _told():
@@ -1147,8 +1147,8 @@ def reproduce(
 
 
 def _draw_reproduction(found: Reproduction, folder: Path) -> None:
-    from ampi.report.look import save_figure
-    from ampi.report.reproduction_figures import FIGURES as PAPER_FIGURES
+    from ampi.papers.figures import FIGURES as PAPER_FIGURES
+    from ampi.report.figures.look import save_figure
 
     save_figure(folder / f"{found.paper}.png", PAPER_FIGURES[found.paper](found), "ampi reproduce")
 

@@ -1,4 +1,4 @@
-"""The trajectory database: HDF5 schema and read-only reader (database.hdf5_file writes it).
+"""The trajectory database: HDF5 schema and read-only reader (database.file.hdf5_file writes it).
 
     /                      root attributes: schema_version, mission TOML, provenance, content digest
     axis_<parameter>       the parameter axes, dimension scales (SI, rad)

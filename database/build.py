@@ -35,28 +35,31 @@ from ampi.dataset import (
     seal_holds,
     stored_mission,
 )
-from ampi.job import JobError
 from ampi.missions.mission import Mission
 from ampi.propagation import flown_again
-from ampi.scp.capabilities import check
-from ampi.scp.problem import OptimalControlProblem
-from ampi.scp.shortfall import verdict
+from ampi.scp.problem.capabilities import check
+from ampi.scp.problem.scaled_problem import OptimalControlProblem
+from ampi.scp.problem.shortfall import verdict
 from ampi.scp.solve import solve
-from ampi.supervisor import require_workers
+from ampi.tracker_design.riccati_gains import GainSettings
 from ampi.trajectory import Status, Trajectory
-from database.blocks import Block, blocks
+from ampi.workers.job import JobError
+from ampi.workers.supervisor import require_workers
 from database.build_report import TALLIED, BuildReport, Tally
-from database.campaign import TIME_LIMIT, BuildError, Campaign, Solver, lost
-from database.claim import claim, differences, fingerprint_of
-from database.engines import ClusterEngine, Engine, LocalEngine
 from database.estimate import MOST_EVER
-from database.gains import GainSettings
-from database.hdf5_file import decoded_block
-from database.jobs import AssembleBlock
-from database.lock import LockedError, NoLocksError, exclusive
-from database.plan import planned_tasks
-from database.provenance import provenance
-from database.records import (
+from database.factory.claim import claim, differences, fingerprint_of
+from database.factory.engines import ClusterEngine, Engine, LocalEngine
+from database.factory.jobs import AssembleBlock
+from database.factory.schedule import Task, run_jobs
+from database.factory.second_pass import second_pass
+from database.factory.tasks import planned_tasks
+from database.file.blocks import Block, blocks
+from database.file.hdf5_file import decoded_block
+from database.file.provenance import provenance
+from database.file.writer import write_database
+from database.records.campaign import TIME_LIMIT, BuildError, Campaign, Solver, lost
+from database.records.lock import LockedError, NoLocksError, exclusive
+from database.records.record_files import (
     CaseRecord,
     block_path,
     count_records,
@@ -67,9 +70,6 @@ from database.records import (
     record_path,
     recorded_cases,
 )
-from database.schedule import Task, run_jobs
-from database.second_pass import second_pass
-from database.writer import write_database
 
 KNOWN_AT_ONCE = 256  # files open at the same time
 

@@ -19,8 +19,8 @@ from numpy.typing import NDArray
 from ampi.missions.mission import Mission
 from ampi.missions.parameters import Parameter
 from ampi.trajectory import Status
-from database.branches import STATIONS, branch_doubt, stations, suspects
-from database.grid import Grid
+from database.audit.branches import STATIONS, branch_doubt, stations, suspects
+from database.plan.grid import Grid
 
 TALLIED = ("status", "iterations", "position_error", "peak", "states")
 FEW = 2  # failures that are named one by one
@@ -60,7 +60,7 @@ class BuildReport:
     solve_seconds: float  # wall time up to the merge: solves and re-integrations
     worst_position_error: float  # m, of the solved cases
     worst_limit: float  # greatest use of a limit between their nodes
-    suspects: tuple[int, ...]  # cases that may lie on another branch (database.branches)
+    suspects: tuple[int, ...]  # cases that may lie on another branch (database.audit.branches)
 
     @property
     def doubts(self) -> tuple[str, ...]:

@@ -22,8 +22,8 @@ from ampi.missions.parameters import measured_values
 from ampi.scp.solve import solve
 from database.build import KnownCase, build
 from database.build_report import BuildReport, in_unit_of_key
-from database.campaign import BuildError, Solver, as_built
-from database.grid import Grid
+from database.plan.grid import Grid
+from database.records.campaign import BuildError, Solver, as_built
 
 BEFORE = " of the grid before cropping: "
 ROUNDING = 0.01  # of the step to the next grid point: values are typed as they were printed

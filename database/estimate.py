@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from ampi.missions.mission import Mission
-from database.campaign import Campaign
+from database.records.campaign import Campaign
 
 TOGETHER_SECONDS = (
     3e-3  # of one worker, for a case of `NODES` nodes among others of its flight model

@@ -18,11 +18,11 @@ import tomlkit
 from ampi.dataset import TrajectoryDataset, read_dataset
 from ampi.missions.mission import Mission, leaves, parse_mission
 from ampi.scp.solve import solve
+from database.audit.error_map import CellError, best_cell, error_map
 from database.build import KnownCase, build
 from database.build_report import BuildReport
-from database.campaign import BuildError, Solver, as_built
-from database.error_map import CellError, best_cell, error_map
-from database.grid import Grid
+from database.plan.grid import Grid
+from database.records.campaign import BuildError, Solver, as_built
 
 BEFORE = " of the grid before refinement: "
 

@@ -1,8 +1,8 @@
 """Cases that stand out of their family are solved again from their neighbours.
 
-First what is rough (database/coherence.py): of what the neighbours lead to and what stands there, the
+First what is rough (`coherence`): of what the neighbours lead to and what stands there, the
 case's smoothest optimum is kept, the one of least roughness, Eq. (3). Then what lies on another branch
-(database/branches.py): each branch is followed outwards, neighbour by neighbour, as far as it exists,
+(`branches`): each branch is followed outwards, neighbour by neighbour, as far as it exists,
 and all cases are taken from one that exists for all of them. That is the branch of the nominal case if
 it does: the mission's guess has chosen it. Else it is the one of the least total cost; and if no branch
 exists for all cases, the one that exists for most. All else of the file stays, to the bit.
@@ -21,11 +21,11 @@ from numpy.typing import NDArray
 from ampi.dataset import TrajectoryDataset, partial_folder, read_dataset
 from ampi.scp.solve import solve
 from ampi.trajectory import Trajectory
-from database.branches import Branches, branches, continued, same_optimum
+from database.audit.branches import Branches, branches, continued, same_optimum
+from database.audit.coherence import Outlier, case_roughness, coherence, family_rows
 from database.build import KnownCase, build
-from database.campaign import BuildError, Campaign, Solver, as_built
-from database.coherence import Outlier, case_roughness, coherence, family_rows
-from database.grid import Grid
+from database.plan.grid import Grid
+from database.records.campaign import BuildError, Campaign, Solver, as_built
 
 Array = NDArray[np.float64]
 

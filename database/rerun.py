@@ -16,16 +16,16 @@ import numpy as np
 from ampi.dataset import DatasetError, partial_folder, read_dataset
 from ampi.missions.mission import Mission, parse_mission
 from ampi.propagation import flown_again
-from ampi.scp.shortfall import verdict
+from ampi.scp.problem.shortfall import verdict
 from ampi.scp.solve import solve
 from ampi.trajectory import Trajectory
-from database.attempts import Attempt, attempts, follow, is_vain, no_trajectory, path_to
-from database.campaign import Campaign, Solver, require_solver
-from database.continuation import planned
-from database.grid import Grid
-from database.prediction import predicted
-from database.records import FINGERPRINTS, label_of, load_record, read_fingerprint
-from database.second_pass import nearby
+from database.factory.attempts import Attempt, attempts, follow, is_vain, no_trajectory, path_to
+from database.factory.second_pass import nearby
+from database.plan.continuation import planned
+from database.plan.grid import Grid
+from database.plan.prediction import predicted
+from database.records.campaign import Campaign, Solver, require_solver
+from database.records.record_files import FINGERPRINTS, label_of, load_record, read_fingerprint
 
 PATIENCE = 86400.0  # s for one solve: a person is watching, and can stop it
 

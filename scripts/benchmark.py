@@ -27,7 +27,7 @@ import ampi
 from ampi.dataset import read_dataset
 from ampi.physics.planet import great_circle_distance
 from ampi.propagation import reintegrate
-from database.audit import audit
+from database.audit.audit import audit
 
 BEGIN, END = "<!-- results: begin -->", "<!-- results: end -->"
 JOBS = 2

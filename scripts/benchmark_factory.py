@@ -25,7 +25,7 @@ import ampi
 import database
 from ampi.missions.mission import parse_mission
 from ampi.scp.solve import solve
-from database.stand_in import neighbour_moved
+from database.factory.stand_in import neighbour_moved
 
 SPANS = {
     "altitude_m": 250.0,

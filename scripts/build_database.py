@@ -10,7 +10,7 @@ import argparse
 import ampi
 import database
 from ampi.progress import progress
-from database.grid import Grid
+from database.plan.grid import Grid
 
 
 def main() -> None:

@@ -30,13 +30,13 @@ from ampi.physics.equations_of_motion import equations_of_motion
 from ampi.physics.path_constraints import path_constraints
 from ampi.pseudospectral.lagrange import barycentric_weights, interpolation_matrix
 from ampi.trajectory import Trajectory
-from database.campaign import Campaign
-from database.continuation import layers
-from database.engines import LocalEngine
-from database.grid import Grid
-from database.jobs import AssembleBlock, SolveTogether
-from database.plan import planned_tasks
-from database.schedule import run_jobs
+from database.factory.engines import LocalEngine
+from database.factory.jobs import AssembleBlock, SolveTogether
+from database.factory.schedule import run_jobs
+from database.factory.tasks import planned_tasks
+from database.plan.continuation import layers
+from database.plan.grid import Grid
+from database.records.campaign import Campaign
 
 Array = NDArray[np.float64]
 

@@ -17,8 +17,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from ampi.job import JobError, finished
-from ampi.supervisor import in_workers
+from ampi.workers.job import JobError, finished
+from ampi.workers.supervisor import in_workers
 
 HERE = Path(__file__).parent
 needs_proc = pytest.mark.skipif(
@@ -170,7 +170,7 @@ def workers(process: subprocess.Popen[str]) -> list[int]:
     for children in Path(f"/proc/{process.pid}/task").glob("*/children"):
         with suppress(OSError):
             for pid in children.read_text().split():
-                if b"ampi.worker" in Path(f"/proc/{pid}/cmdline").read_bytes():
+                if b"ampi.workers.worker" in Path(f"/proc/{pid}/cmdline").read_bytes():
                     found.append(int(pid))
     return found
 

@@ -10,11 +10,11 @@ from matplotlib.figure import Figure
 
 from ampi.missions.mission import Mission
 from ampi.onboard.table import GuidanceTable
-from ampi.report import campaign_figures as over_time
-from ampi.report import database_figures as database
-from ampi.report import footprint_figures as at_the_end
-from ampi.report.look import ImageFormat
-from ampi.report.runge_figure import runge_phenomenon
+from ampi.report.figures import campaign as over_time
+from ampi.report.figures import database
+from ampi.report.figures import footprint as at_the_end
+from ampi.report.figures.look import ImageFormat
+from ampi.report.figures.runge import runge_phenomenon
 from ampi.simulation.monte_carlo import Flights
 
 

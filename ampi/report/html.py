@@ -14,9 +14,9 @@ from ampi.missions.mission import Mission
 from ampi.onboard.reference import Mode
 from ampi.onboard.table import GuidanceTable
 from ampi.outputs import written
-from ampi.report.database_figures import with_optimum
 from ampi.report.exhibits import Exhibit, campaign_exhibits, database_exhibits
-from ampi.report.look import data_uri, image_bytes
+from ampi.report.figures.database import with_optimum
+from ampi.report.figures.look import data_uri, image_bytes
 from ampi.report.published import is_of_the_paper, is_shipped
 from ampi.report.quantities import DEGREES, KILO
 from ampi.report.verdict_tables import coincident, verdict_tables

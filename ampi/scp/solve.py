@@ -14,17 +14,17 @@ from threadpoolctl import ThreadpoolController
 
 from ampi.missions.mission import GuessSection, Mission
 from ampi.propagation import flown_again
-from ampi.scp.capabilities import MethodError, check, check_bank_angle
-from ampi.scp.exact_hessian import ExactHessianIteration, SolverSettings
-from ampi.scp.family import kind, newton
+from ampi.scp.condensed.exact_hessian import ExactHessianIteration, SolverSettings
+from ampi.scp.condensed.family import kind, newton
 from ampi.scp.guess import ConstantBank, from_trajectory, nodal_guess
 from ampi.scp.guesses import from_any
-from ampi.scp.problem import OptimalControlProblem
+from ampi.scp.problem.capabilities import MethodError, check, check_bank_angle
+from ampi.scp.problem.scaled_problem import OptimalControlProblem
 from ampi.scp.refinement import RefinementSettings, refine
 from ampi.trajectory import Status, Trajectory
 
 if TYPE_CHECKING:
-    from ampi.scp.successive import Solver
+    from ampi.scp.literature.successive import Solver
 
 
 def solve(
@@ -44,7 +44,7 @@ def solve(
         From `load_mission`; its entry state may be replaced with `Mission.with_entry`.
     method
         "exact_hessian", the condensed convexified-exact-Hessian method, or one of the literature,
-        on its own mesh: see `ampi.scp.methods`.
+        on its own mesh: see `ampi.scp.literature.methods`.
     guess
         A neighbouring trajectory (exact_hessian alone), a `ConstantBank`, or None: the mission's own
         guess, or where it names none, the constant bank angle whose flight ends nearest to the target;
@@ -199,8 +199,8 @@ def _by_the_literature(
     mission: Mission, method: str, guess: ConstantBank | None, subproblem: Solver | None
 ) -> Trajectory:
     # imported when asked for: the workers of a build wait for their imports, and never ask
-    from ampi.scp.methods import METHODS, solve_by
-    from ampi.scp.sparse_subproblem import solve_sparse_subproblem
+    from ampi.scp.literature.methods import METHODS, solve_by
+    from ampi.scp.literature.sparse_subproblem import solve_sparse_subproblem
 
     if guess is not None:
         section = GuessSection.model_construct(bank_angle=guess.bank_angle)

@@ -22,7 +22,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ampi.guidance import Guidance
-from ampi.job import JobError, finished
 from ampi.missions.family import MissionFamily
 from ampi.missions.mission import Mission, mission_digest
 from ampi.missions.path_limits import KEPT
@@ -31,7 +30,8 @@ from ampi.outputs import written
 from ampi.physics.planet import bearing, great_circle_distance
 from ampi.simulation.closed_loop import FlightBatch, FlightStatus, fly_batch
 from ampi.simulation.dispersions import Dispersions, Distribution
-from ampi.supervisor import in_workers, require_workers
+from ampi.workers.job import JobError, finished
+from ampi.workers.supervisor import in_workers, require_workers
 
 Array = NDArray[np.float64]
 
@@ -341,7 +341,7 @@ def fly_modes(
 
 @dataclass(frozen=True, eq=False)
 class Batch:
-    """Flights that are flown together, as a job (ampi.job); flown again it is the same flights."""
+    """Flights that are flown together, as a job; flown again it is the same flights."""
 
     mission: Mission
     guidance: Guidance

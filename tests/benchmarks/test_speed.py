@@ -11,9 +11,9 @@ import pytest
 import ampi
 from ampi.onboard.reference import Mode, ReferenceGenerator
 from ampi.onboard.table import N_ROWS, GuidanceTable
+from ampi.scp.condensed.iterate import Flight, RestorationSettings
 from ampi.scp.guess import from_trajectory
-from ampi.scp.iterate import Flight, RestorationSettings
-from ampi.scp.problem import OptimalControlProblem
+from ampi.scp.problem.scaled_problem import OptimalControlProblem
 
 Benchmark = Callable[..., Any]
 

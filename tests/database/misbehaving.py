@@ -18,8 +18,8 @@ import database
 from ampi.dataset import read_dataset
 from ampi.missions.mission import Mission, load_mission
 from ampi.trajectory import Status, Trajectory
-from database.jobs import Job
-from database.stand_in import neighbour_moved
+from database.factory.jobs import Job
+from database.factory.stand_in import neighbour_moved
 
 
 def moved(mission: Mission, guess: Trajectory | None) -> Trajectory:

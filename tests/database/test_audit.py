@@ -14,8 +14,8 @@ from ampi.dataset import read_dataset
 from ampi.loading import guidance_table
 from ampi.onboard.reference import Mode
 from ampi.trajectory import Status, Trajectory
-from database.audit import Quantity, _errors, audit, nodal_reference
-from database.error_map import best_cell
+from database.audit.audit import Quantity, _errors, audit, nodal_reference
+from database.audit.error_map import best_cell
 
 
 def test_small_database_is_true_and_interpolates(small_database: Path) -> None:

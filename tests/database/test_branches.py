@@ -19,7 +19,7 @@ from ampi.cli import app
 from ampi.dataset import TrajectoryDataset, read_dataset
 from ampi.missions.mission import Mission, load_mission, parse_mission
 from ampi.trajectory import Trajectory
-from database.branches import (
+from database.audit.branches import (
     BANK,
     FLOWN,
     Branches,
@@ -31,9 +31,9 @@ from database.branches import (
     stations,
     suspects,
 )
+from database.audit.coherence import coherence
 from database.build import BuildReport, KnownCase
-from database.coherence import coherence
-from database.grid import Grid
+from database.plan.grid import Grid
 from database.repair import Move, repair
 
 Array = NDArray[np.float64]
@@ -174,7 +174,7 @@ def test_audit_and_report_say_it_in_words_and_in_numbers(
 ) -> None:
     path, command = str(mixed[0]), CliRunner()
     monkeypatch.setattr(
-        importlib.import_module("database.audit"), "error_map", lambda *a, **k: ()
+        importlib.import_module("database.audit.audit"), "error_map", lambda *a, **k: ()
     )  # solves
     audited = command.invoke(app, ["audit", path, "--probes", "0", "-j", "1"])
     words = " ".join(audited.stdout.split())
@@ -273,12 +273,16 @@ def test_two_sheets_that_meet_are_parted_where_they_are_unlike(
     ring = [0, 1, 2, 5, 8, 7, 6, 3]
     optimum = dataset.trajectory(0)  # the same one, turned
     optima = {case: turned(optimum, 12.0 * k) for k, case in enumerate(ring)}
-    monkeypatch.setattr(database.branches, "_position_error", lambda m, p, f: np.full(len(f), 2e4))
-    monkeypatch.setattr(database.branches, "continued", lambda *arguments: None)
+    monkeypatch.setattr(
+        database.audit.branches, "_position_error", lambda m, p, f: np.full(len(f), 2e4)
+    )
+    monkeypatch.setattr(database.audit.branches, "continued", lambda *arguments: None)
     found = branches(dataset.mission, optima)
     assert (found.unlike, found.parted) == (1, ((0, 3),))
     assert found.cases == (0,)  # the farther one from the hypercentre
-    monkeypatch.setattr(database.branches, "continued", lambda a, b, goal, optimum: optima[goal])
+    monkeypatch.setattr(
+        database.audit.branches, "continued", lambda a, b, goal, optimum: optima[goal]
+    )
     assert branches(dataset.mission, optima).parted == ()
 
 
@@ -301,13 +305,15 @@ def test_no_more_pairs_are_followed_than_it_takes(
     dataset = read_dataset(small_database)
     optima = {case: turned(dataset.trajectory(1), 40.0 * (case % 3 == 0)) for case in range(9)}
     followed = []
-    monkeypatch.setattr(database.branches, "_position_error", lambda m, p, f: np.full(len(f), 2e4))
+    monkeypatch.setattr(
+        database.audit.branches, "_position_error", lambda m, p, f: np.full(len(f), 2e4)
+    )
 
     def ends(campaign: object, case: int, goal: int, optimum: Trajectory) -> None:
         followed.append((case, goal))
 
-    monkeypatch.setattr(database.branches, "continued", ends)
-    monkeypatch.setattr(database.branches, "FOLLOWED", 2)
+    monkeypatch.setattr(database.audit.branches, "continued", ends)
+    monkeypatch.setattr(database.audit.branches, "FOLLOWED", 2)
     found = branches(dataset.mission, optima)
     assert found.cases == (0, 3, 6)
     assert sorted(found.parted) == [(0, 1), (3, 4), (6, 7)]
@@ -318,7 +324,7 @@ def test_no_more_pairs_are_followed_than_it_takes(
         followed.append((case, goal))
         return optimum  # followed without a jump, to what does not stand there
 
-    monkeypatch.setattr(database.branches, "continued", elsewhere)
+    monkeypatch.setattr(database.audit.branches, "continued", elsewhere)
     assert branches(dataset.mission, optima).cases == (0, 3, 6)
     assert len(followed) == 2
 
@@ -354,7 +360,7 @@ def test_a_smooth_family_holds_together_and_nothing_is_solved(
     def unwanted(*arguments: object) -> None:
         raise AssertionError("expected no solve of a family without unlike neighbours")
 
-    monkeypatch.setattr(database.branches, "continued", unwanted)
+    monkeypatch.setattr(database.audit.branches, "continued", unwanted)
     dataset = read_dataset(small_database)
     measured = branches(dataset.mission, optima_of(dataset))
     assert (measured.pairs, measured.unlike, measured.flown, measured.astray) == (12, 0, 12, ())

@@ -10,19 +10,19 @@ import pytest
 
 import database
 from ampi.dataset import DatasetError, partial_folder, read_dataset
-from ampi.job import JobError
 from ampi.loading import load_guidance
 from ampi.missions.mission import Mission, load_mission, parse_mission
 from ampi.missions.path_limits import KEPT, PathLimits
 from ampi.propagation import reintegrate
 from ampi.scp.solve import solve
 from ampi.trajectory import Status, Trajectory
-from database.campaign import BuildError, Campaign
-from database.continuation import layers
-from database.grid import Grid
-from database.jobs import SolveCase
+from ampi.workers.job import JobError
+from database.factory.jobs import SolveCase
+from database.factory.stand_in import neighbour_moved
+from database.plan.continuation import layers
+from database.plan.grid import Grid
+from database.records.campaign import BuildError, Campaign
 from database.rerun import rerun
-from database.stand_in import neighbour_moved
 
 
 def test_file_is_the_same_for_any_number_of_workers(

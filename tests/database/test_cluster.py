@@ -15,16 +15,16 @@ import pytest
 
 import database
 from ampi.dataset import partial_folder
-from ampi.job import JobError
 from ampi.missions.mission import Mission, parse_mission
-from ampi.software import software
 from ampi.trajectory import Status
-from database.campaign import BuildError, Campaign
-from database.continuation import layers
-from database.engines import ClusterEngine
-from database.grid import Grid
-from database.jobs import SolveCase
-from database.records import record_path
+from ampi.workers.job import JobError
+from ampi.workers.software import software
+from database.factory.engines import ClusterEngine
+from database.factory.jobs import SolveCase
+from database.plan.continuation import layers
+from database.plan.grid import Grid
+from database.records.campaign import BuildError, Campaign
+from database.records.record_files import record_path
 
 distributed = pytest.importorskip("distributed")
 
@@ -83,7 +83,7 @@ def test_workers_without_the_folder_are_found_out(
     def elsewhere(job: object, expected: object) -> None:
         """A worker whose folder of this name is another one."""
 
-    monkeypatch.setattr("database.engines.run_supervised", elsewhere)
+    monkeypatch.setattr("database.factory.engines.run_supervised", elsewhere)
     with pytest.raises(BuildError, match=r"case 4: its result is not in .*on a shared file system"):
         database.build(small_mission, tmp_path / "a.h5", client=client)
 
@@ -93,7 +93,7 @@ def test_a_worker_with_other_software_is_named(
 ) -> None:
     """The file names one version of each package, and every number in it is of that one."""
     versions = {**software(), "casadi_version": "2.0"}
-    monkeypatch.setattr("database.engines.software", lambda: versions)
+    monkeypatch.setattr("database.factory.engines.software", lambda: versions)
     with pytest.raises(
         BuildError, match=r"a worker of the cluster has casadi_version .*process 2\.0"
     ):
@@ -122,8 +122,8 @@ def test_a_case_that_costs_every_worker_is_a_record(
 def test_a_cluster_without_workers_does_not_keep_a_build_waiting(
     small_mission: Mission, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("database.engines.LONELY", 0.2)
-    monkeypatch.setattr("database.schedule.LOOK", 0.1)
+    monkeypatch.setattr("database.factory.engines.LONELY", 0.2)
+    monkeypatch.setattr("database.factory.schedule.LOOK", 0.1)
     nobody = distributed.LocalCluster(n_workers=0, processes=True, dashboard_address=":0")
     with (
         nobody as cluster,
@@ -137,7 +137,7 @@ def test_a_worker_that_cannot_import_the_package_is_named(
     small_mission: Mission, tmp_path: Path, client: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     elsewhere = "__import__('importlib.util').util.find_spec('database_elsewhere') is not None"
-    monkeypatch.setattr("database.engines.IMPORTABLE", elsewhere)
+    monkeypatch.setattr("database.factory.engines.IMPORTABLE", elsewhere)
     with pytest.raises(BuildError, match=r"the worker tcp.* cannot import ampi; install it there"):
         database.build(small_mission, tmp_path / "a.h5", client=client)
 

@@ -18,9 +18,8 @@ import database
 from ampi.dataset import DIGEST, TrajectoryDataset, partial_folder, read_dataset
 from ampi.loading import load_guidance
 from ampi.missions.mission import Mission, parse_mission
-from database.build import KnownCase
-from database.campaign import BuildError
-from database.coherence import (
+from ampi.tracker_design.riccati_gains import GainSettings
+from database.audit.coherence import (
     ANGULAR,
     RESOLUTION,
     THRESHOLD,
@@ -30,10 +29,11 @@ from database.coherence import (
     family_rows,
     family_scale,
 )
-from database.gains import GainSettings
-from database.grid import Grid
+from database.build import KnownCase
+from database.factory.stand_in import neighbour_moved
+from database.plan.grid import Grid
+from database.records.campaign import BuildError
 from database.repair import repair
-from database.stand_in import neighbour_moved
 
 Array = NDArray[np.float64]
 

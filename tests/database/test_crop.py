@@ -19,10 +19,10 @@ from ampi.cli import app
 from ampi.dataset import partial_folder, read_dataset
 from ampi.missions.mission import Mission, parse_mission
 from ampi.trajectory import Status
+from database.audit.verify import verify
 from database.build_report import BuildReport
-from database.campaign import BuildError
 from database.crop import CropReport, crop, largest_box
-from database.verify import verify
+from database.records.campaign import BuildError
 
 Holed = tuple[Path, BuildReport, dict[str, Any]]
 

@@ -24,13 +24,13 @@ from ampi.missions.family import MissionFamily
 from ampi.missions.mission import Mission, parse_mission
 from ampi.physics.equations_of_motion import STATES
 from ampi.pseudospectral.mesh import Mesh, Phase
-from ampi.scp.exact_hessian import SolverSettings
+from ampi.scp.condensed.exact_hessian import SolverSettings
 from ampi.scp.solve import solve_family
+from ampi.tracker_design.riccati_gains import GainSettings, vertex_gains
 from ampi.trajectory import Status, Trajectory
-from database.gains import GainSettings, vertex_gains
-from database.grid import Grid
-from database.prediction import predicted
-from database.verify import verify
+from database.audit.verify import verify
+from database.plan.grid import Grid
+from database.plan.prediction import predicted
 
 
 def test_xarray_opens_it_with_named_dimensions(small_database: Path) -> None:

@@ -17,8 +17,8 @@ import database
 from ampi.cli import app
 from ampi.dataset import FIELDS
 from ampi.missions.mission import Mission, parse_mission
-from database.campaign import BuildError
 from database.estimate import estimate
+from database.records.campaign import BuildError
 
 # the kernel's own account: `getrusage` begins with what the process that forked it held
 MEMORY = """

@@ -32,15 +32,15 @@ from ampi.dataset import (
     seal,
 )
 from ampi.missions.mission import Mission, parse_mission
-from ampi.software import software
-from ampi.supervisor import Supervisor
 from ampi.trajectory import Status
-from database.campaign import BuildError, Campaign
-from database.continuation import layers
-from database.grid import Grid
-from database.jobs import SolveCase
-from database.records import FINGERPRINTS, record_path
-from database.stand_in import neighbour_moved
+from ampi.workers.software import software
+from ampi.workers.supervisor import Supervisor
+from database.factory.jobs import SolveCase
+from database.factory.stand_in import neighbour_moved
+from database.plan.continuation import layers
+from database.plan.grid import Grid
+from database.records.campaign import BuildError, Campaign
+from database.records.record_files import FINGERPRINTS, record_path
 
 HERE = Path(__file__).parent
 
@@ -104,7 +104,7 @@ def test_a_case_that_always_kills_its_worker_is_a_record(
 def test_workers_that_cannot_start_end_the_build(
     small_mission: Mission, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("ampi.supervisor._COMMAND", "raise SystemExit(7)")
+    monkeypatch.setattr("ampi.workers.supervisor._COMMAND", "raise SystemExit(7)")
     with pytest.raises(BuildError, match=r"died 3 times before its first job, by exit status 7"):
         database.build(small_mission, tmp_path / "a.h5")
 
@@ -113,13 +113,13 @@ def test_a_solver_that_workers_do_not_have_is_named(
     small_mission: Mission, misbehaving: ModuleType, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     solver = misbehaving.slow
-    monkeypatch.setattr("ampi.supervisor.sys.path", [p for p in sys.path if p != str(HERE)])
+    monkeypatch.setattr("ampi.workers.supervisor.sys.path", [p for p in sys.path if p != str(HERE)])
     with pytest.raises(BuildError, match="a worker cannot read its job: is its solver in a module"):
         database.build(small_mission, tmp_path / "a.h5", solver=solver)
 
 
 def test_an_idle_worker_that_dies_is_replaced(small_mission: Mission, tmp_path: Path) -> None:
-    supervisor = Supervisor("database.jobs")
+    supervisor = Supervisor("database.factory.jobs")
     plan = [p for layer in layers(Grid.from_mission(small_mission)) for p in layer]
     campaign = Campaign(small_mission.toml, tmp_path, neighbour_moved)
     for planned in plan[:3]:
@@ -138,7 +138,7 @@ def turns(folder: Path, name: str) -> list[str]:
 
 def supervised(folder: Path, *jobs: Any) -> None:
     """Each once the one before has been computed, on one worker."""
-    supervisor, submitted = Supervisor("database.jobs", most=1), []
+    supervisor, submitted = Supervisor("database.factory.jobs", most=1), []
     with ThreadPoolExecutor(len(jobs)) as pool:
         for job in jobs:
             submitted.append(pool.submit(supervisor.run, job))
@@ -173,7 +173,7 @@ def test_what_is_being_flushed_when_the_worker_dies_runs_again(
 def test_a_flush_that_always_kills_its_worker_is_given_up(
     misbehaving: ModuleType, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("ampi.supervisor.MISFORTUNES", 2)
+    monkeypatch.setattr("ampi.workers.supervisor.MISFORTUNES", 2)
     job = misbehaving.Marking(tmp_path, "first", dies_flushing=True)
     supervised(tmp_path, job)
     assert job.result.read_text() == "Its worker process died 2 times, by SIGKILL."
@@ -313,7 +313,7 @@ def test_sources_that_change_during_a_build_are_found_out(
 ) -> None:
     """Workers import them as they are now, and the file would name those of the beginning."""
     before = {**software(), "source_sha256": "as it was"}
-    monkeypatch.setattr("ampi.supervisor.software", lambda: before)
+    monkeypatch.setattr("ampi.workers.supervisor.software", lambda: before)
     with pytest.raises(BuildError, match=r"a new worker process has source_sha256 .* as it was"):
         database.build(small_mission, tmp_path / "a.h5")
 
@@ -447,7 +447,7 @@ def test_a_file_system_without_locks_is_one_sentence(
     def no_locks(file: object, operation: int) -> None:
         raise OSError(errno.ENOLCK, os.strerror(errno.ENOLCK))
 
-    monkeypatch.setattr("database.lock.fcntl.flock", no_locks)
+    monkeypatch.setattr("database.records.lock.fcntl.flock", no_locks)
     with pytest.raises(BuildError, match=r"its file system has no locks \(No locks.*choose a path"):
         database.build(small_mission, tmp_path / "a.h5", solver=neighbour_moved)
 
@@ -479,7 +479,7 @@ def test_what_does_not_read_back_as_it_was_written_gets_no_name(
             file.attrs[DIGEST] = "0" * 64
         seal(path)
 
-    monkeypatch.setattr("database.hdf5_file.seal", altered)
+    monkeypatch.setattr("database.file.hdf5_file.seal", altered)
     with pytest.raises(DatasetError, match="does not read back as it was written"):
         database.build(small_mission, tmp_path / "a.h5", n_jobs=1, solver=neighbour_moved)
     assert not (tmp_path / "a.h5").exists()

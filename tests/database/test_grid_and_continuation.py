@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from ampi.missions.mission import Mission, load_mission, parse_mission
-from database.continuation import layers
-from database.grid import Grid
+from database.plan.continuation import layers
+from database.plan.grid import Grid
 
 
 def test_shefex3_grid_is_the_hexeract_of_eq_9() -> None:

@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 
 from ampi.missions import Mission, load_mission
 from ampi.trajectory import Status, Trajectory
-from database.grid import Grid
-from database.prediction import corners, predicted
+from database.plan.grid import Grid
+from database.plan.prediction import corners, predicted
 
 
 @pytest.fixture(scope="module")

@@ -14,11 +14,11 @@ import pytest
 
 import database
 from ampi.missions.mission import Mission
-from database import provenance
-from database.campaign import BuildError
+from database.file import provenance
+from database.records.campaign import BuildError
 
 ROOT = Path(database.__file__).parents[1]
-ASK = "from database.provenance import git_revision; print(git_revision())"
+ASK = "from database.file.provenance import git_revision; print(git_revision())"
 
 
 def git(folder: Path, *arguments: str) -> str:
@@ -109,6 +109,6 @@ def test_an_interrupted_build_is_not_continued_by_other_software(
             small_mission, path, n_jobs=1, advance=lambda count: 1 // 0 if count else None
         )
     versions = {**provenance.software(), "numpy_version": "1.0"}
-    monkeypatch.setattr("database.provenance.software", lambda: versions)
+    monkeypatch.setattr("database.file.provenance.software", lambda: versions)
     with pytest.raises(BuildError, match=r"different numpy_version \(.* there, 1\.0 here\)"):
         database.build(small_mission, path)

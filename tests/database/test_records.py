@@ -9,9 +9,9 @@ from pathlib import Path
 import pytest
 
 from ampi.missions.mission import Mission
-from database.attempts import no_trajectory
-from database.lock import exclusive
-from database.records import (
+from database.factory.attempts import no_trajectory
+from database.records.lock import exclusive
+from database.records.record_files import (
     FINGERPRINTS,
     CaseRecord,
     keeping,

@@ -15,14 +15,14 @@ from ampi.dataset import TrajectoryDataset, read_dataset
 from ampi.loading import guidance_table
 from ampi.missions.mission import Mission, parse_mission
 from ampi.onboard.reference import Mode
+from ampi.tracker_design.riccati_gains import GainSettings
 from ampi.trajectory import Status, Trajectory
-from database.audit import nodal_reference
+from database.audit.audit import nodal_reference
+from database.audit.error_map import COLUMNS, CellError, best_cell, error_map
 from database.build import KnownCase
-from database.campaign import BuildError
-from database.error_map import COLUMNS, CellError, best_cell, error_map
-from database.gains import GainSettings
+from database.factory.stand_in import neighbour_moved
+from database.records.campaign import BuildError
 from database.refine import RefineReport, refine, with_point
-from database.stand_in import neighbour_moved
 
 UNEVEN = """[grid]
 speed_m_per_s = [-70.0, 0.0]  # two points: probed

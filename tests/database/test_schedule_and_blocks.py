@@ -15,12 +15,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from ampi.file_sink import FileSink
-from ampi.job import JobError
-from database.blocks import BLOCK_CASES, blocks, blocks_at
-from database.hdf5_file import _copy_block, decoded_block, encoded_block
-from database.jobs import Job
-from database.schedule import LEAST_FORESIGHT, Task, run_jobs
+from ampi.workers.job import JobError
+from database.factory.jobs import Job
+from database.factory.schedule import LEAST_FORESIGHT, Task, run_jobs
+from database.file.blocks import BLOCK_CASES, blocks, blocks_at
+from database.file.file_sink import FileSink
+from database.file.hdf5_file import _copy_block, decoded_block, encoded_block
 
 shapes = st.lists(st.integers(1, 5), min_size=1, max_size=6).map(tuple)
 

@@ -13,11 +13,11 @@ import database
 from ampi.dataset import partial_folder, read_dataset
 from ampi.missions.mission import Mission
 from ampi.trajectory import Status
-from database.attempts import Attempt, attempts, is_vain
-from database.grid import Grid
-from database.records import again_folder, block_path, record_path
+from database.factory.attempts import Attempt, attempts, is_vain
+from database.factory.second_pass import nearby
+from database.plan.grid import Grid
+from database.records.record_files import again_folder, block_path, record_path
 from database.rerun import rerun
-from database.second_pass import nearby
 
 
 @pytest.fixture
@@ -53,7 +53,7 @@ def test_a_second_pass_goes_on_where_it_was_stopped(
     options = {"solver": misbehaving.roundabout, "n_jobs": 1}
     database.build(small_mission, undisturbed, **options)
     with monkeypatch.context() as patch:
-        patch.setattr("database.writer.write_dataset", lambda *_, **options: 1 // 0)
+        patch.setattr("database.file.writer.write_dataset", lambda *_, **options: 1 // 0)
         with pytest.raises(ZeroDivisionError):
             database.build(small_mission, path, **options)
     folder = partial_folder(path)

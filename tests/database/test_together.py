@@ -13,12 +13,12 @@ import pytest
 import database
 from ampi.missions.mission import Mission, parse_mission
 from ampi.scp.solve import solve
-from ampi.supervisor import Supervisor
 from ampi.trajectory import Trajectory
-from database.campaign import Campaign
-from database.continuation import PlannedCase, layers
-from database.jobs import AssembleBlock, SolveCase, SolveTogether
-from database.plan import planned_tasks
+from ampi.workers.supervisor import Supervisor
+from database.factory.jobs import AssembleBlock, SolveCase, SolveTogether
+from database.factory.tasks import planned_tasks
+from database.plan.continuation import PlannedCase, layers
+from database.records.campaign import Campaign
 
 BYTES = ("states", "bank_rate", "final_time", "cost", "target_multipliers", "status")
 
@@ -90,7 +90,7 @@ def test_a_portion_that_is_given_up_or_overdue_leaves_its_cases(campaign: Campai
 
 def test_a_portion_whose_process_dies_is_left_in_the_end(campaign: Campaign) -> None:
     job = Deadly(campaign, tuple(plan(campaign)[:4]))
-    supervisor = Supervisor("database.jobs")
+    supervisor = Supervisor("database.factory.jobs")
     supervisor.run(job)
     supervisor.close()
     assert job.left() == [SolveCase(campaign, planned) for planned in job.planned]
@@ -147,6 +147,6 @@ def test_what_cannot_be_solved_together_is_left_to_be_tried_alone(
         raise FloatingPointError("one of them")
 
     planned = tuple(layers(campaign.grid)[1])
-    monkeypatch.setattr("database.jobs.solve_family", raises)
+    monkeypatch.setattr("database.factory.jobs.solve_family", raises)
     SolveTogether(campaign, planned).run(lambda attempt: None)
     assert [campaign.record(p.case) for p in planned] == [None] * len(planned)

@@ -21,7 +21,7 @@ from ampi.dataset import (
 )
 from ampi.loading import load_guidance
 from ampi.trajectory import Status
-from database.verify import Findings, examine, verify
+from database.audit.verify import Findings, examine, verify
 
 SCALES = ("state", "target", "limit", "affine", "node", "high_density")
 AXES = ("speed", "flight_path_angle")
@@ -99,7 +99,7 @@ def test_a_library_that_crashes_on_the_file_is_a_fault(
     small_database: Path, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     bad = flipped(small_database, tmp_path / "bad.h5", SEAL_BYTES + 8)
-    monkeypatch.setattr("database.verify._EXAMINE", "import os; os.abort()")
+    monkeypatch.setattr("database.audit.verify._EXAMINE", "import os; os.abort()")
     assert verify(bad).faults[1] == "HDF5: its library crashes on the file (signal 6)"
 
 

@@ -17,7 +17,7 @@ from scipy.interpolate import RegularGridInterpolator
 from ampi.onboard.reference import Mode, Reference, ReferenceGenerator
 from ampi.onboard.table import N_ROWS, GuidanceTable
 from ampi.pseudospectral.mesh import Mesh, Phase
-from database.writer import high_density_times
+from database.file.writer import high_density_times
 
 Array = NDArray[np.float64]
 TableMaker = Callable[..., GuidanceTable]

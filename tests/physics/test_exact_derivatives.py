@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from ampi.missions.path_limits import PathLimits
 from ampi.physics.equations_of_motion import FlightModel, equations_of_motion
 from ampi.physics.path_constraints import path_constraints
-from ampi.scp.derivatives import ScaledDynamics
-from ampi.scp.node_functions import NodeFunctions
+from ampi.tracing.derivatives import ScaledDynamics
+from ampi.tracing.node_functions import NodeFunctions
 
 Array = NDArray[np.float64]
 laws = settings(deadline=None, max_examples=60)

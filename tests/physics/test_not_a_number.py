@@ -12,9 +12,9 @@ from ampi.physics.atmosphere import StandardAtmosphere1976
 from ampi.physics.equations_of_motion import FlightModel, equations_of_motion
 from ampi.physics.path_constraints import no_fly_zone, path_constraints
 from ampi.physics.planet import bearing, destination, great_circle_distance
-from ampi.scp.derivatives import trace
-from ampi.scp.node_functions import NodeFunctions
-from ampi.scp.vectorised import VectorisedFunction
+from ampi.tracing.derivatives import trace
+from ampi.tracing.node_functions import NodeFunctions
+from ampi.tracing.vectorised import VectorisedFunction
 
 Array = NDArray[np.float64]
 

@@ -6,9 +6,9 @@ import json
 
 import pytest
 
-from ampi.report.reproduction import PAPERS
-from ampi.report.reproduction_figures import FIGURES
-from ampi.report.reproduction_table import Reproduction
+from ampi.papers.figures import FIGURES
+from ampi.papers.reproduction import PAPERS
+from ampi.papers.table import Reproduction
 
 OPEN: dict[str, set[str]] = {}  # what is not reached; README and the tables say so
 

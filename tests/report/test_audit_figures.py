@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from matplotlib.colors import to_hex
 
-from ampi.report.audit_figures import (
+from ampi.report.figures.audit import (
     CHOSEN_COLOUR,
     MOST_NAMES,
     PANELS,
@@ -14,7 +14,7 @@ from ampi.report.audit_figures import (
     coherence_figure,
     error_map_figure,
 )
-from ampi.report.look import image_bytes
+from ampi.report.figures.look import image_bytes
 
 
 def test_every_case_is_a_point_and_outliers_are_named() -> None:

@@ -18,7 +18,7 @@ from ampi.onboard.reference import Mode, ReferenceGenerator
 from ampi.onboard.table import GuidanceTable
 from ampi.outputs import check_output
 from ampi.physics.planet import destination
-from ampi.report.campaign_figures import (
+from ampi.report.figures.campaign import (
     campaign_constraints,
     campaign_controls,
     campaign_ground_tracks,
@@ -26,27 +26,27 @@ from ampi.report.campaign_figures import (
     campaign_tracking_errors,
     compared,
 )
-from ampi.report.database_figures import (
+from ampi.report.figures.database import (
     HighDensityDatabase,
     database_constraints,
     database_controls,
     database_ground_tracks,
     database_states,
 )
-from ampi.report.footprint_figures import (
+from ampi.report.figures.footprint import (
     campaign_footprint,
     campaign_histograms,
     footprint_ellipse,
     logarithmic_bins,
 )
-from ampi.report.ground_track import (
+from ampi.report.figures.ground_track import (
     TrackBundle,
     draw_ground_tracks,
     draw_target_window,
     map_and_window,
     tangent_plane,
 )
-from ampi.report.look import (
+from ampi.report.figures.look import (
     INK,
     LIMIT_COLOUR,
     MODE_LOOKS,
@@ -56,8 +56,8 @@ from ampi.report.look import (
     new_figure,
     save_figure,
 )
-from ampi.report.runge_figure import runge_phenomenon
-from ampi.report.single import reference_figure, trajectory_figure
+from ampi.report.figures.runge import runge_phenomenon
+from ampi.report.figures.single import reference_figure, trajectory_figure
 from ampi.simulation.monte_carlo import Flights
 from ampi.simulation.statistics import ellipse_area
 from ampi.trajectory import Status, Trajectory

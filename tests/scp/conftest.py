@@ -7,9 +7,9 @@ import pytest
 
 from ampi.missions import Mission, load_mission
 from ampi.missions.mission import parse_mission
+from ampi.scp.condensed.iterate import Flight, Point, RestorationSettings
 from ampi.scp.guess import ConstantBank, constant_bank_guess, from_trajectory
-from ampi.scp.iterate import Flight, Point, RestorationSettings
-from ampi.scp.problem import OptimalControlProblem
+from ampi.scp.problem.scaled_problem import OptimalControlProblem
 from ampi.scp.solve import solve
 from ampi.trajectory import Trajectory
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from ampi.scp.acceleration import AitkenRelaxation
+from ampi.scp.literature.acceleration import AitkenRelaxation
 
 STEP = np.array([[0.3, -0.1], [0.05, 0.2]])  # (n, n_x), trust radii
 

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-import ampi.scp.exact_hessian as loop
+import ampi.scp.condensed.exact_hessian as loop
 from ampi.missions import Mission
-from ampi.scp.active_set import solve_active_set
+from ampi.scp.condensed.active_set import solve_active_set
+from ampi.scp.condensed.subproblem import ConvexSubproblem, Step, solve_subproblem
 from ampi.scp.solve import solve
-from ampi.scp.subproblem import ConvexSubproblem, Step, solve_subproblem
 from ampi.trajectory import Trajectory
 
 

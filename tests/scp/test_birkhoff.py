@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from ampi.scp.birkhoff import birkhoff_error, chebyshev_gauss_lobatto, integration_matrix
+from ampi.scp.literature.birkhoff import birkhoff_error, chebyshev_gauss_lobatto, integration_matrix
 
 
 @pytest.mark.parametrize("count", [2, 5, 12, 30])

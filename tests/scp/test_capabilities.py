@@ -7,8 +7,15 @@ import pytest
 
 from ampi.missions import Mission, load_mission
 from ampi.missions.mission import shipped_missions
-from ampi.scp.capabilities import CONDENSED, METHODS, Capabilities, MethodError, asked_for, check
 from ampi.scp.guess import ConstantBank
+from ampi.scp.problem.capabilities import (
+    CONDENSED,
+    METHODS,
+    Capabilities,
+    MethodError,
+    asked_for,
+    check,
+)
 from ampi.scp.solve import solve
 
 OTHERS = {

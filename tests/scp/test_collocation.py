@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from ampi.pseudospectral.mesh import Mesh, Phase
-from ampi.scp.collocation import Collocation, line_mesh, radau, trapezoid
+from ampi.scp.literature.collocation import Collocation, line_mesh, radau, trapezoid
 
 FINAL = 7.0
 MESHES = {

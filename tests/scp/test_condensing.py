@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from ampi.scp.condensing import Iterate
-from ampi.scp.cost import add_rate_curvature
-from ampi.scp.iterate import Flight, Linearised, Point
-from ampi.scp.quadratic_model import Multipliers, _lagrangian_hessian
+from ampi.scp.condensed.condensing import Iterate
+from ampi.scp.condensed.cost import add_rate_curvature
+from ampi.scp.condensed.iterate import Flight, Linearised, Point
+from ampi.scp.condensed.quadratic_model import Multipliers, _lagrangian_hessian
 
 Array = NDArray[np.float64]
 STEP = 1e-4

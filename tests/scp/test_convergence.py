@@ -8,9 +8,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from ampi.missions.path_limits import KEPT
-from ampi.scp.convergence import ConvergenceSettings, verdict
-from ampi.scp.penalty import limit_excess
-from ampi.scp.problem import OptimalControlProblem
+from ampi.scp.problem.convergence import ConvergenceSettings, verdict
+from ampi.scp.problem.penalty import limit_excess
+from ampi.scp.problem.scaled_problem import OptimalControlProblem
 from ampi.trajectory import Status
 
 EARTH = 6.378137e6

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from ampi.scp.convexify import convexify_on_tangent
+from ampi.scp.condensed.convexify import convexify_on_tangent
 
 Array = NDArray[np.float64]
 laws = settings(deadline=None, max_examples=100)

@@ -13,16 +13,16 @@ from ampi.missions.mission import NoFlyZoneSection, parse_mission
 from ampi.physics.path_constraints import path_constraints
 from ampi.physics.planet import great_circle_distance
 from ampi.physics.vehicle import air_loads
-from ampi.scp.condensing import Iterate
-from ampi.scp.guess import ConstantBank, constant_bank_guess
-from ampi.scp.iterate import Flight, Linearised, Point, RestorationSettings
-from ampi.scp.problem import OptimalControlProblem
-from ampi.scp.quadratic_model import (
+from ampi.scp.condensed.condensing import Iterate
+from ampi.scp.condensed.iterate import Flight, Linearised, Point, RestorationSettings
+from ampi.scp.condensed.quadratic_model import (
     CurvatureSettings,
     Multipliers,
     _lagrangian_hessian,
     quadratic_subproblem,
 )
+from ampi.scp.guess import ConstantBank, constant_bank_guess
+from ampi.scp.problem.scaled_problem import OptimalControlProblem
 
 Array = NDArray[np.float64]
 STEP = 1e-4

@@ -8,8 +8,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from ampi.scp.elastic_target import elastic_cost, held_targets, is_elastic, reference_price
-from ampi.scp.problem import Target
+from ampi.scp.condensed.elastic_target import (
+    elastic_cost,
+    held_targets,
+    is_elastic,
+    reference_price,
+)
+from ampi.scp.problem.scaled_problem import Target
 
 laws = settings(deadline=None, max_examples=200)
 errors = st.floats(-10.0, 10.0)

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from ampi.report.reproduction_liu2015 import liu2015_case
-from ampi.scp.chattering import positive_share, reversals
-from ampi.scp.energy_domain import EnergyDomain
-from ampi.scp.methods import METHODS
-from ampi.scp.starts import Start
+from ampi.papers.liu2015 import liu2015_case
+from ampi.scp.literature.chattering import positive_share, reversals
+from ampi.scp.literature.energy_domain import EnergyDomain
+from ampi.scp.literature.methods import METHODS
+from ampi.scp.literature.starts import Start
 
 Array = NDArray[np.float64]
 

@@ -19,11 +19,11 @@ import pytest
 from numpy.typing import NDArray
 
 from ampi.missions import Mission
+from ampi.papers.liu2015 import LIU_CASES, liu2015_case
 from ampi.physics.equations_of_motion import equations_of_motion
 from ampi.physics.path_constraints import path_constraints
 from ampi.physics.vehicle import air_loads
-from ampi.report.reproduction_liu2015 import LIU_CASES, liu2015_case
-from ampi.scp.methods import METHODS, Solution, solve_by
+from ampi.scp.literature.methods import METHODS, Solution, solve_by
 from ampi.trajectory import Status
 
 Array = NDArray[np.float64]

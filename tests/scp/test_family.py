@@ -14,12 +14,12 @@ import ampi
 from ampi.missions import Mission, load_mission
 from ampi.missions.mission import parse_mission
 from ampi.propagation import reintegrate
-from ampi.scp.family import _Newton, newton
-from ampi.scp.family_condensing import CondensedFamily
+from ampi.scp.condensed.family import _Newton, newton
+from ampi.scp.condensed.family_condensing import CondensedFamily
+from ampi.scp.condensed.iterate import Flight, Linearised, Point, RestorationSettings
+from ampi.scp.condensed.quadratic_model import Multipliers, _lagrangian_hessian
 from ampi.scp.guess import NodalGuess, from_trajectory
-from ampi.scp.iterate import Flight, Linearised, Point, RestorationSettings
-from ampi.scp.problem import OptimalControlProblem
-from ampi.scp.quadratic_model import Multipliers, _lagrangian_hessian
+from ampi.scp.problem.scaled_problem import OptimalControlProblem
 from ampi.scp.solve import solve, solve_family
 from ampi.trajectory import Status, Trajectory
 

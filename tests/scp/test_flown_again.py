@@ -16,7 +16,7 @@ from ampi.missions.path_limits import KEPT, PathLimits
 from ampi.propagation import ReintegrationError, flight_checks, flown_again, reintegrate
 from ampi.pseudospectral.mesh import Mesh, Phase
 from ampi.scp.guess import ConstantBank
-from ampi.scp.shortfall import verdict
+from ampi.scp.problem.shortfall import verdict
 from ampi.scp.solve import optimum, solve
 from ampi.trajectory import POSITION_TOLERANCE, FlightCheck, Status, Trajectory
 

@@ -9,11 +9,11 @@ import pytest
 
 from ampi.missions import Mission
 from ampi.scp import guesses
-from ampi.scp.exact_hessian import SolverSettings
+from ampi.scp.condensed.exact_hessian import SolverSettings
+from ampi.scp.condensed.trust_region import TrustRegionSettings
 from ampi.scp.guess import ConstantBank
 from ampi.scp.guesses import OTHERS, from_any, from_each
 from ampi.scp.solve import solve
-from ampi.scp.trust_region import TrustRegionSettings
 from ampi.trajectory import Statistics, Status, Trajectory
 
 BANKS = [ConstantBank(angle) for angle in (0.4, -0.4, 0.8, -0.8)]

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from ampi.scp.elastic_target import ElasticSettings
-from ampi.scp.merit_weights import MeritWeights, ReliefSettings
-from ampi.scp.penalty import PenaltySettings
-from ampi.scp.problem import Target
+from ampi.scp.condensed.elastic_target import ElasticSettings
+from ampi.scp.condensed.merit_weights import MeritWeights, ReliefSettings
+from ampi.scp.problem.penalty import PenaltySettings
+from ampi.scp.problem.scaled_problem import Target
 
 LOW = np.array([0.1, -0.2])
 LIMITS = np.array([[0.0, 0.1], [0.3, 0.0]])

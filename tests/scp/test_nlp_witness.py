@@ -22,7 +22,7 @@ from ampi.physics.planet import great_circle_distance
 from ampi.physics.vehicle import air_loads
 from ampi.pseudospectral.mesh import Mesh, Phase
 from ampi.scp.guess import ConstantBank, NodalGuess, constant_bank_guess, from_trajectory
-from ampi.scp.objective import Objective
+from ampi.scp.problem.objective import Objective
 from ampi.scp.solve import optimum
 from ampi.trajectory import Status, Trajectory
 

@@ -9,18 +9,18 @@ import pytest
 from numpy.typing import NDArray
 
 from ampi.missions import Mission
-from ampi.scp.condensing import Iterate
-from ampi.scp.cost import cost_of
-from ampi.scp.guess import from_trajectory
-from ampi.scp.iterate import Flight, Linearised, Point, RestorationSettings
-from ampi.scp.problem import OptimalControlProblem
-from ampi.scp.quadratic_model import (
+from ampi.scp.condensed.condensing import Iterate
+from ampi.scp.condensed.cost import cost_of
+from ampi.scp.condensed.iterate import Flight, Linearised, Point, RestorationSettings
+from ampi.scp.condensed.quadratic_model import (
     CurvatureSettings,
     Multipliers,
     quadratic_subproblem,
     with_merit,
 )
-from ampi.scp.subproblem import ConvexSubproblem, solve_subproblem
+from ampi.scp.condensed.subproblem import ConvexSubproblem, solve_subproblem
+from ampi.scp.guess import from_trajectory
+from ampi.scp.problem.scaled_problem import OptimalControlProblem
 from ampi.trajectory import Trajectory
 
 Array = NDArray[np.float64]
@@ -308,7 +308,7 @@ def test_an_absolute_value_at_its_kink_holds_the_step(
         found.append(held)
         return hessian
 
-    monkeypatch.setattr("ampi.scp.quadratic_model.convexify_on_tangent", recorded)
+    monkeypatch.setattr("ampi.scp.condensed.quadratic_model.convexify_on_tangent", recorded)
     at_kink = Multipliers.first(problem, point)
     share = np.where(np.arange(len(at_kink.absolute)) < 5, 0.3, 1.0)
     at_kink = replace(at_kink, absolute=share * at_kink.absolute)

@@ -10,7 +10,7 @@ import pytest
 from ampi.missions import Mission
 from ampi.missions.mission import NoFlyZoneSection
 from ampi.physics.path_constraints import PATH_CONSTRAINTS, path_constraints
-from ampi.scp.shortfall import shortfall, verdict
+from ampi.scp.problem.shortfall import shortfall, verdict
 from ampi.trajectory import Statistics, Status, Trajectory
 
 

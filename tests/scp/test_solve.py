@@ -14,17 +14,17 @@ from ampi.physics.equations_of_motion import equations_of_motion
 from ampi.physics.path_constraints import path_constraints
 from ampi.physics.planet import great_circle_distance
 from ampi.pseudospectral.lagrange import interpolation_matrix
-from ampi.scp import exact_hessian as solver
-from ampi.scp.elastic_target import ElasticSettings
-from ampi.scp.exact_hessian import ExactHessianIteration, SolverSettings
+from ampi.scp.condensed import exact_hessian as solver
+from ampi.scp.condensed.elastic_target import ElasticSettings
+from ampi.scp.condensed.exact_hessian import ExactHessianIteration, SolverSettings
+from ampi.scp.condensed.iterate import Point
+from ampi.scp.condensed.quadratic_model import Multipliers
+from ampi.scp.condensed.subproblem import ConvexSubproblem, Step, solve_subproblem
+from ampi.scp.condensed.trust_region import TrustRegionSettings
 from ampi.scp.guess import ConstantBank, from_trajectory
-from ampi.scp.iterate import Point
-from ampi.scp.penalty import PenaltySettings
-from ampi.scp.problem import OptimalControlProblem
-from ampi.scp.quadratic_model import Multipliers
+from ampi.scp.problem.penalty import PenaltySettings
+from ampi.scp.problem.scaled_problem import OptimalControlProblem
 from ampi.scp.solve import optimum, solve
-from ampi.scp.subproblem import ConvexSubproblem, Step, solve_subproblem
-from ampi.scp.trust_region import TrustRegionSettings
 from ampi.trajectory import Status, Trajectory
 
 Array = NDArray[np.float64]

@@ -21,9 +21,9 @@ from ampi.missions.mission import ENTRY_STATES
 from ampi.physics.equations_of_motion import equations_of_motion
 from ampi.physics.path_constraints import path_constraints
 from ampi.pseudospectral.mesh import Mesh
-from ampi.scp.methods import METHODS, Solution, solve_by
-from ampi.scp.starts import Start, straight_line
-from ampi.scp.successive import Iterate, StateChange, StateTrustRegion
+from ampi.scp.literature.methods import METHODS, Solution, solve_by
+from ampi.scp.literature.starts import Start, straight_line
+from ampi.scp.literature.successive import Iterate, StateChange, StateTrustRegion
 from ampi.trajectory import Status
 
 Array = NDArray[np.float64]

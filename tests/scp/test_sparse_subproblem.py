@@ -8,11 +8,11 @@ import pytest
 from numpy.typing import NDArray
 
 from ampi.missions import load_mission
-from ampi.report.reproduction_liu2015 import liu2015_case
-from ampi.scp.methods import METHODS, _assemble
-from ampi.scp.sparse_subproblem import SparseSubproblem, solve_sparse_subproblem
-from ampi.scp.sparse_subproblem_cvxpy import solve_sparse_subproblem_cvxpy
-from ampi.scp.starts import flown, uniform
+from ampi.papers.liu2015 import liu2015_case
+from ampi.scp.literature.methods import METHODS, _assemble
+from ampi.scp.literature.sparse_subproblem import SparseSubproblem, solve_sparse_subproblem
+from ampi.scp.literature.sparse_subproblem_cvxpy import solve_sparse_subproblem_cvxpy
+from ampi.scp.literature.starts import flown, uniform
 
 Array = NDArray[np.float64]
 

@@ -12,17 +12,17 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from ampi.missions import Mission
-from ampi.scp.elastic_target import elastic_cost, is_elastic, reference_price
-from ampi.scp.iterate import Flight, Point, RestorationSettings
-from ampi.scp.problem import OptimalControlProblem, Target
-from ampi.scp.quadratic_model import (
+from ampi.scp.condensed.elastic_target import elastic_cost, is_elastic, reference_price
+from ampi.scp.condensed.iterate import Flight, Point, RestorationSettings
+from ampi.scp.condensed.quadratic_model import (
     CurvatureSettings,
     Multipliers,
     quadratic_subproblem,
     with_merit,
 )
-from ampi.scp.subproblem import ConvexSubproblem, Step, solve_subproblem
-from ampi.scp.subproblem_cvxpy import solve_subproblem_cvxpy
+from ampi.scp.condensed.subproblem import ConvexSubproblem, Step, solve_subproblem
+from ampi.scp.condensed.subproblem_cvxpy import solve_subproblem_cvxpy
+from ampi.scp.problem.scaled_problem import OptimalControlProblem, Target
 
 Array = NDArray[np.float64]
 

@@ -14,13 +14,13 @@ from scipy.integrate import solve_ivp
 
 from ampi.missions import Mission
 from ampi.physics.equations_of_motion import equations_of_motion
+from ampi.physics.state import CORE
 from ampi.pseudospectral.mesh import Mesh, Phase
-from ampi.scp.condensing import Iterate
-from ampi.scp.cost import cost_of
-from ampi.scp.iterate import Flight, Point
-from ampi.scp.objective import Objective
-from ampi.scp.problem import CORE
-from ampi.scp.transcription import radau_transcription
+from ampi.scp.condensed.condensing import Iterate
+from ampi.scp.condensed.cost import cost_of
+from ampi.scp.condensed.iterate import Flight, Point
+from ampi.scp.condensed.transcription import radau_transcription
+from ampi.scp.problem.objective import Objective
 
 Array = NDArray[np.float64]
 laws = settings(deadline=None, max_examples=60)

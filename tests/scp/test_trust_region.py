@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from ampi.scp.trust_region import TrustRegion, TrustRegionSettings
+from ampi.scp.condensed.trust_region import TrustRegion, TrustRegionSettings
 
 laws = settings(deadline=None, max_examples=200)
 SETTINGS = TrustRegionSettings()

@@ -11,13 +11,13 @@ import pytest
 from ampi.missions import Mission, load_mission
 from ampi.physics.angles import wrapped
 from ampi.physics.equations_of_motion import CIRCULAR_STATES
-from ampi.scp.convergence import ConvergenceSettings, verdict
-from ampi.scp.formulation import FinalState
 from ampi.scp.guess import ConstantBank, from_trajectory
-from ampi.scp.problem import OptimalControlProblem
-from ampi.scp.shortfall import shortfall
+from ampi.scp.literature.formulation import FinalState
+from ampi.scp.literature.starts import straight_line
+from ampi.scp.problem.convergence import ConvergenceSettings, verdict
+from ampi.scp.problem.scaled_problem import OptimalControlProblem
+from ampi.scp.problem.shortfall import shortfall
 from ampi.scp.solve import solve, solve_family
-from ampi.scp.starts import straight_line
 from ampi.trajectory import Status, Trajectory
 from tests.scp.conftest import GUESS
 

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from ampi.missions import load_mission
-from ampi.scp.derivatives import trace
-from ampi.scp.problem import OptimalControlProblem
-from ampi.scp.vectorised import VectorisedFunction
+from ampi.scp.problem.scaled_problem import OptimalControlProblem
+from ampi.tracing.derivatives import trace
+from ampi.tracing.vectorised import VectorisedFunction
 
 
 @pytest.mark.parametrize(

@@ -14,10 +14,10 @@ from ampi.missions.mission import Mission, load_mission
 from ampi.onboard.reference import Mode
 from ampi.onboard.table import GAIN_ROWS, GuidanceTable
 from ampi.scp.solve import solve
+from ampi.tracker_design.riccati_gains import GainSettings, vertex_gains
 from ampi.tracking.bank_limiter import BankLimits
 from ampi.trajectory import Status, Trajectory
-from database.gains import GainSettings, vertex_gains
-from database.writer import high_density_times
+from database.file.writer import high_density_times
 
 Array = NDArray[np.float64]
 

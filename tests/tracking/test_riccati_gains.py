@@ -7,16 +7,16 @@ import pytest
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
-import database.gains
+import ampi.tracker_design.riccati_gains
 from ampi.guidance import Guidance
 from ampi.missions.family import MissionFamily
 from ampi.missions.mission import Mission
 from ampi.physics.equations_of_motion import equations_of_motion
-from ampi.scp.derivatives import scaled_dynamics
-from ampi.scp.node_functions import NodeFunctions
 from ampi.simulation.closed_loop import FlightStatus, fly_batch
+from ampi.tracing.derivatives import scaled_dynamics
+from ampi.tracing.node_functions import NodeFunctions
+from ampi.tracker_design.riccati_gains import GainSettings, vertex_gains
 from ampi.trajectory import Trajectory
-from database.gains import GainSettings, vertex_gains
 
 Array = NDArray[np.float64]
 
@@ -88,7 +88,7 @@ def gains_with_step(
     step: float,
     settings: GainSettings | None = None,
 ) -> Array:
-    monkeypatch.setattr(database.gains, "STEP", step)
+    monkeypatch.setattr(ampi.tracker_design.riccati_gains, "STEP", step)
     final_time = np.array([nominal.final_time])
     settings = settings or GainSettings()
     return vertex_gains(

@@ -1,0 +1,143 @@
+"""One entry: the reference that guidance made for it, or one optimum of the offline side."""
+
+from __future__ import annotations
+
+from textwrap import fill
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from ampi.missions.mission import Mission
+from ampi.missions.path_limits import PathLimits
+from ampi.onboard.reference import Mode, Reference
+from ampi.report.figures.ground_track import TrackBundle, draw_ground_tracks, track_keys
+from ampi.report.figures.look import INK, LIMIT_COLOUR, MODE_LOOKS, house_style, new_figure
+from ampi.report.figures.panels import (
+    FIGURE_WIDTH,
+    PANEL_HEIGHT,
+    draw_quantity_limits,
+    limit_key,
+    line_key,
+    loads,
+    marker_key,
+    place_legend,
+)
+from ampi.report.quantities import (
+    ALTITUDE,
+    AZIMUTH,
+    BANK_ANGLE,
+    BANK_RATE,
+    FLIGHT_PATH_ANGLE,
+    SPEED,
+    TIME,
+    Quantity,
+)
+from ampi.scp.problem.shortfall import verdict
+from ampi.trajectory import Trajectory
+
+Array = NDArray[np.float64]
+
+_STATE_ROWS = {ALTITUDE: 0, SPEED: 3, FLIGHT_PATH_ANGLE: 4, AZIMUTH: 5, BANK_ANGLE: 6}
+_COLOUR = MODE_LOOKS[Mode.AMPI].colour
+_COLUMNS = 3
+CURVE_POINTS = 800
+TITLE_WIDTH = 100  # characters
+
+
+@house_style
+def reference_figure(mission: Mission, reference: Reference) -> Figure:
+    """States, bank rate and loads of one guidance reference, and its ground track.
+
+    `mission` is the one at the parameters of this entry: its loads and its target are drawn.
+    """
+    figure, panels, track = _frame(mission)
+    outside = [p.name for p, c in zip(mission.parameters, reference.clipped, strict=True) if c]
+    where = f"outside the hypercube in {', '.join(outside)}: boundary trajectory"
+    _title(figure, f"{mission.title}: {where if outside else 'reference'}", not outside)
+    _draw_curves(panels, mission, reference.times, reference.states, reference.bank_rate, "-")
+    _draw_limits(panels, mission)
+    draw_ground_tracks(track, mission, [_track(reference.states)])
+    place_legend(figure, [line_key("reference", _COLOUR), limit_key(), *track_keys(mission)])
+    return figure
+
+
+@house_style
+def trajectory_figure(mission: Mission, trajectory: Trajectory) -> Figure:
+    """States, bank rate and loads of one optimum, and what the solver says of it.
+
+    Its nodes, and its polynomials between them.
+    """
+    figure, panels, track = _frame(mission)
+    status = trajectory.status
+    _title(figure, f"{mission.title}: {status.name}. {verdict(mission, trajectory)}", status.ok)
+    times = np.linspace(0.0, trajectory.final_time, CURVE_POINTS)
+    states, bank_rate = trajectory.at(times)
+    _draw_curves(panels, mission, times, states, bank_rate, "-")
+    nodes = trajectory.times, trajectory.states, trajectory.bank_rate
+    _draw_curves(panels, mission, *nodes, "o")
+    _draw_limits(panels, mission)
+    draw_ground_tracks(track, mission, [_track(states)])
+    keys = [line_key("polynomials", _COLOUR), marker_key("nodes", "o", _COLOUR)]
+    place_legend(figure, [*keys, limit_key(), *track_keys(mission)])
+    return figure
+
+
+def _title(figure: Figure, text: str, good: bool) -> None:
+    title = figure.suptitle(fill(text, TITLE_WIDTH), fontsize=10)
+    title.set(color=INK if good else LIMIT_COLOUR, parse_math=False)
+
+
+def _quantities(mission: Mission) -> list[Quantity]:
+    return [*_STATE_ROWS, BANK_RATE, *(load.quantity for load in loads(mission))]
+
+
+def _frame(mission: Mission) -> tuple[Figure, list[Axes], Axes]:
+    """A panel over time for each quantity, and a wide one for the ground track."""
+    quantities = _quantities(mission)
+    rows = -(-len(quantities) // _COLUMNS)
+    figure = new_figure(FIGURE_WIDTH, (rows + 2.2) * PANEL_HEIGHT)
+    names = [f"p{i}" if i < len(quantities) else "." for i in range(rows * _COLUMNS)]
+    mosaic: dict[str, Axes] = figure.subplot_mosaic(
+        [*np.reshape(names, (rows, _COLUMNS)).tolist(), ["track"] * _COLUMNS],
+        height_ratios=[*[1.0] * rows, 1.7],
+    )
+    panels = [mosaic[f"p{i}"] for i in range(len(quantities))]
+    for axes, quantity in zip(panels, quantities, strict=True):
+        axes.set(xlabel=TIME.label, ylabel=quantity.label)
+    return figure, panels, mosaic["track"]
+
+
+def _draw_curves(
+    panels: list[Axes], mission: Mission, times: Array, states: Array, rate: Array, form: str
+) -> None:
+    limits = PathLimits.of(mission)
+    use = limits.path(mission.flight_model, states, times)
+    rows = [
+        *(states[row] for row in _STATE_ROWS.values()),
+        rate,
+        *(load.value(use[load.index], limits) for load in loads(mission)),
+    ]
+    for axes, quantity, row in zip(panels, _quantities(mission), rows, strict=True):
+        axes.plot(times, quantity.shown(row), form, color=_COLOUR, linewidth=1.6, markersize=3)
+
+
+def _draw_limits(panels: list[Axes], mission: Mission) -> None:
+    bank, rate = mission.limits.bank_angle, mission.limits.bank_rate
+    levels = [*[()] * (len(_STATE_ROWS) - 1), (-bank, bank), (-rate, rate)]
+    levels += [(load.limit,) for load in loads(mission)]
+    for axes, quantity, level in zip(panels, _quantities(mission), levels, strict=True):
+        draw_quantity_limits(axes, quantity, level)
+
+
+def _track(states: Array) -> TrackBundle:
+    return TrackBundle(
+        longitude=states[1:2],
+        latitude=states[2:3],
+        final=states[1:3, -1][None],
+        colour=_COLOUR,
+        marker="o",
+        width=1.8,
+        alpha=1.0,
+    )

@@ -1,0 +1,1 @@
+"""The condensed sequential convex method."""

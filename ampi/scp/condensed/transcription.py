@@ -1,0 +1,108 @@
+"""Flipped-Radau transcription of the problem on its mesh.
+
+On segment s with collocation rows i and nodal rows j (Garg et al. 2011),
+
+    R_s = Σ_j D̄_ij x_j − h_s f(x_i, u_i, t_i) = 0,   h_s = α_s + β_s t_f,       (1)
+    ∫ L dt = Σ_s h_s Σ_i w_i L_i.                                                (2)
+
+Arrays are node-major: x (n, 7), one row per node. Collocation quantities have n − 1 rows: node 0 is
+not collocated, and every other node is collocated in exactly one segment.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ampi.physics.state import N_CORE
+from ampi.pseudospectral.lagrange import barycentric_weights, interpolation_matrix
+from ampi.pseudospectral.mesh import Mesh
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class RadauTranscription:
+    """Mesh arrays that every iteration needs, computed once."""
+
+    mesh: Mesh
+    node_fixed: Array  # (n,), a of t = a + b t_f
+    node_free: Array  # (n,), b
+    half_fixed: Array  # (n−1,), α per collocation point
+    half_free: Array  # (n−1,), β
+    weights: Array  # (n−1,), quadrature
+    core_derivative: tuple[Array, ...]  # per segment, D ⊗ I₅ without its first node, by columns
+    integration: Array  # (n−1, n−1): ∫ from the entry to every collocation point, over h dτ
+    entry_rate: Array  # (N₁,): bank rate at τ = −1 from the first segment's collocation values
+    between: Array  # (k, n): from nodal values to those at points between, five to a gap
+
+    def half_lengths(self, final_time: float) -> Array:
+        """h at every collocation point (s)."""
+        return self.half_fixed + self.half_free * final_time
+
+    def times(self, final_time: float) -> Array:
+        """t at every node (s)."""
+        return self.node_fixed + self.node_free * final_time
+
+    def residual(self, x: Array, rates: Array, final_time: float) -> Array:
+        """R of Eq. (1), (n − 1, 7); `rates` is f at all n nodes."""
+        out = -self.half_lengths(final_time)[:, None] * rates[1:]
+        for s in self.mesh.segments:
+            out[s.collocation] += s.rule.derivative @ x[s.nodes]
+        return out
+
+    def nodal_rate(self, u: Array) -> Array:
+        """Bank rate at all n nodes; the first by the first segment's own polynomial."""
+        return np.concatenate([[self.entry_rate @ u[: len(self.entry_rate)]], u])
+
+
+@lru_cache(maxsize=16)
+def radau_transcription(mesh: Mesh) -> RadauTranscription:
+    """Transcription of `mesh`, cached per process."""
+    fixed, free = mesh.node_time
+    segments = mesh.segments
+    count = [s.rule.degree for s in segments]
+    first = segments[0].rule
+    inner = first.nodes[1:]
+    return RadauTranscription(
+        mesh=mesh,
+        node_fixed=fixed,
+        node_free=free,
+        half_fixed=np.repeat([s.half_length[0] for s in segments], count),
+        half_free=np.repeat([s.half_length[1] for s in segments], count),
+        weights=np.concatenate([s.rule.weights for s in segments]),
+        core_derivative=tuple(
+            np.asfortranarray(np.kron(s.rule.derivative[:, 1:], np.eye(N_CORE))) for s in segments
+        ),
+        integration=_integration(mesh),
+        entry_rate=interpolation_matrix(inner, barycentric_weights(inner), [-1.0])[0],
+        between=_between(mesh),
+    )
+
+
+def _between(mesh: Mesh) -> Array:
+    found = []
+    for s in mesh.segments:
+        rule, gaps = s.rule, np.diff(s.rule.nodes)[:, None]
+        points = (rule.nodes[:-1, None] + gaps * (np.arange(1, 6) / 6.0)).ravel()
+        rows = np.zeros((len(points), mesh.n_nodes))
+        rows[:, s.nodes] = interpolation_matrix(rule.nodes, rule.barycentric, points)
+        found.append(rows)
+    return np.vstack(found)
+
+
+def _integration(mesh: Mesh) -> Array:
+    """Inverse of the derivative matrices of all segments, chained: x_i − x_0 = Σ_j I_ij (h f)_j.
+
+    Within a segment it is D⁻¹ without the first node (Garg et al. 2011, Section 3); the last row of
+    that, its quadrature weights, leads from one segment to the next.
+    """
+    matrix = np.zeros((mesh.n_nodes - 1, mesh.n_nodes - 1))
+    for s in mesh.segments:
+        inside = np.linalg.inv(s.rule.derivative[:, 1:])
+        matrix[s.collocation, s.collocation] = inside
+        matrix[s.collocation.stop :, s.collocation] = inside[-1]
+    return matrix

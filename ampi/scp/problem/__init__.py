@@ -1,0 +1,1 @@
+"""What is asked: scaled problem, objective, target, limits, verdict."""

@@ -1,0 +1,1 @@
+"""Physics as fast functions with derivatives."""

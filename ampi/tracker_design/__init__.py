@@ -1,0 +1,1 @@
+"""Gains along an optimum, made on the ground."""

@@ -1,0 +1,1 @@
+"""Is a database true, and is it smooth?"""

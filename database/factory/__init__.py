@@ -1,0 +1,1 @@
+"""Jobs, where they run, and in which order."""

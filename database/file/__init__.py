@@ -1,0 +1,1 @@
+"""Blocks, and the file they are merged into."""

@@ -1,0 +1,1 @@
+"""In which order cases are solved, and from where."""

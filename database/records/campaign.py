@@ -1,0 +1,171 @@
+"""What all jobs of a build share: mission, grid, optimiser, and the records already kept."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, field
+from functools import lru_cache
+from pathlib import Path
+from typing import Any, Protocol
+
+from ampi.dataset import TrajectoryDataset
+from ampi.missions.mission import Mission, parse_mission
+from ampi.scp.solve import solve
+from ampi.tracker_design.riccati_gains import GainSettings
+from ampi.trajectory import Trajectory
+from ampi.workers.job import JobError
+from database.plan.grid import Grid
+from database.records.record_files import (
+    CaseRecord,
+    again_folder,
+    is_recorded,
+    keeping_records,
+    load_record,
+    record_path,
+)
+
+MOST_MODELS = 16  # as many as a process keeps traced (scp.family_condensing)
+TIME_LIMIT = 60.0  # s for one solve: some 300 times what a hard one takes
+
+
+class BuildError(ValueError):
+    """A build that cannot start or go on; the message says what is in its way."""
+
+
+class Solver(Protocol):
+    """An optimiser: a mission and a neighbour's trajectory in, a trajectory out."""
+
+    __module__: str
+    __qualname__: str
+
+    def __call__(self, mission: Mission, *, guess: Trajectory | None = None) -> Trajectory:
+        """Solve."""
+
+
+def solver_name(solver: Solver) -> str:
+    """Where to find an optimiser, for the records and for the file."""
+    return f"{solver.__module__}.{solver.__qualname__}"
+
+
+def as_built(dataset: TrajectoryDataset, solver: Solver) -> dict[str, Any]:
+    """The settings that a database was built with, by the names that `database.build` has for them.
+
+    Raises
+    ------
+    ValueError
+        If it was built by another optimiser than `solver`.
+    """
+    require_solver(str(dataset.attributes["solver"]), solver)
+    return {
+        "solver": solver,
+        "time_limit": float(dataset.attributes["time_limit"]),
+        "gains": GainSettings(**json.loads(dataset.attributes["gain_settings"])),
+    }
+
+
+def require_solver(made_by: str, solver: Solver) -> None:
+    """Raise ValueError unless cases made by the optimiser of this name are those of `solver`."""
+    if made_by != solver_name(solver):
+        raise ValueError(
+            f"solver: the cases were solved by {made_by}, got {solver_name(solver)}; import that one "
+            "and give it as `solver`, so that all cases are of one kind"
+        )
+
+
+@dataclass(frozen=True)
+class Campaign:
+    """What all jobs of a build share; it travels to the workers."""
+
+    toml: str
+    folder: Path
+    solver: Solver = solve
+    time_limit: float = TIME_LIMIT  # s, of one solve
+    gains: GainSettings = field(default_factory=GainSettings)
+    label: str = ""  # of the build's fingerprint: its records are sealed with it
+    build: str = ""  # which run of it: in one, a record never changes once kept
+    rounds: int = 0  # of the second pass (database.factory.second_pass) whose records count
+
+    @property
+    def together(self) -> bool:
+        """Whether cases are solved together: `solve_family` finds what `solve` finds, and faster."""
+        return self.solver is solve and _flight_models(self.toml) <= MOST_MODELS
+
+    @property
+    def judged(self) -> bool:
+        """Whether a case is solved only if its flight says so; a stand-in claims no flight."""
+        return self.solver is solve
+
+    @property
+    def mission(self) -> Mission:
+        """The mission, parsed once per process."""
+        return _mission_and_grid(self.toml)[0]
+
+    @property
+    def grid(self) -> Grid:
+        """Its grid."""
+        return _mission_and_grid(self.toml)[1]
+
+    def solved(self, case: int) -> Trajectory | None:
+        """The solution of a case that is kept, read once per process; None if it has none.
+
+        Raises
+        ------
+        JobError
+            If the case is not kept: what is solved without it would not be what a build solves.
+        """
+        return _kept_trajectory(self.folder, case, self.label, self.build, self.toml)
+
+    def record(self, case: int) -> CaseRecord | None:
+        """What is kept of a case, by the last round that tried it; None if that is not whole."""
+        for rounds in range(self.rounds, 0, -1):
+            folder = again_folder(self.folder, rounds)
+            if is_recorded(folder, case):
+                return load_record(folder, case, self.mission, self.label)
+        return load_record(self.folder, case, self.mission, self.label)
+
+    @property
+    def round_folder(self) -> Path:
+        """Where the last round keeps what it finds: records, and the blocks that hold them."""
+        return again_folder(self.folder, self.rounds)
+
+    def keeping(
+        self, records: Iterable[CaseRecord], folder: Path | None = None
+    ) -> Callable[[], None]:
+        """Write records; what it returns puts them in place (`record_files.keeping`)."""
+        return keeping_records(folder or self.folder, records, self.label)
+
+
+def lost(folder: Path, case: int) -> str:
+    """What there is to say of a record that was there."""
+    return f"{record_path(folder, case)} has disappeared or changed during the build"
+
+
+@lru_cache(maxsize=4)
+def _mission_and_grid(toml: str) -> tuple[Mission, Grid]:
+    mission = parse_mission(toml)
+    return mission, Grid.from_mission(mission)
+
+
+@lru_cache(maxsize=4)
+def _flight_models(toml: str) -> int:
+    """How many flight models the grid holds: those of one model are solved together."""
+    mission, grid = _mission_and_grid(toml)
+    count = 1
+    for i, axis in enumerate(grid.axes):
+        p = mission.nominal_parameters.copy()
+        p[i] = axis[0] if axis[0] != p[i] else axis[-1]
+        if mission.with_parameters(p).flight_model != mission.flight_model:
+            count *= len(axis)
+    return count
+
+
+@lru_cache(maxsize=20000)  # 6 kB each
+def _kept_trajectory(
+    folder: Path, case: int, label: str, build: str, toml: str
+) -> Trajectory | None:
+    """`Campaign.solved`; an error is not remembered."""
+    record = load_record(folder, case, _mission_and_grid(toml)[0], label)
+    if record is None:
+        raise JobError(lost(folder, case))
+    return record.trajectory if record.trajectory.status.ok else None
