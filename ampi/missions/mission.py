@@ -18,13 +18,7 @@ from pydantic import Field, TypeAdapter, ValidationError, field_validator, model
 
 from ampi.missions import units as u
 from ampi.missions.family import MissionFamily
-from ampi.missions.parameters import (
-    ENTRY_STATES,
-    Parameter,
-    moved,
-    parameter_values,
-    resolve,
-)
+from ampi.missions.parameters import Parameter, moved, parameter_values, resolve
 from ampi.missions.units import Dimension, Number, Section
 from ampi.physics.aerodynamics import (
     Aerodynamics,
@@ -40,8 +34,9 @@ from ampi.physics.atmosphere import (
     StandardAtmosphere1976,
 )
 from ampi.physics.equations_of_motion import FlightModel
-from ampi.physics.path_constraints import PATH_CONSTRAINTS, no_fly_zone, path_constraints
+from ampi.physics.path_constraints import no_fly_zone, path_constraints
 from ampi.physics.planet import WGS84, Planet, great_circle_distance
+from ampi.physics.state import ENTRY_STATES, LOADS
 from ampi.physics.vehicle import AngleOfAttackSchedule, Vehicle, air_loads
 from ampi.pseudospectral.mesh import Mesh, Phase
 
@@ -539,7 +534,7 @@ class Mission(Section):
         model = self.flight_model
         printed = (("kPa", 1e-3), ("MW/m²", 1e-6), (model.planet.load_factor_unit, 1.0))
         values = path_constraints(model, state, time)
-        for name, (unit, per_si), value in zip(PATH_CONSTRAINTS, printed, values, strict=True):
+        for name, (unit, per_si), value in zip(LOADS, printed, values, strict=True):
             if not value <= self.limits.designed(name):  # NaN too
                 margin, limit = getattr(self.limits, f"{name}_margin"), getattr(self.limits, name)
                 less = f" less its margin of {100.0 * margin:g} %" if margin else ""

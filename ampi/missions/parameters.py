@@ -25,11 +25,11 @@ from pydantic import BaseModel
 
 from ampi.missions.units import UNITS, Dimension, dimension_of, si_key, symbol
 from ampi.physics.angles import on_turn_of
+from ampi.physics.state import ENTRY_STATES
 
 Array = NDArray[np.float64]
 Path = tuple[str, ...]
 
-ENTRY_STATES = ("altitude", "longitude", "latitude", "speed", "flight_path_angle", "azimuth")
 SHORT: dict[Path, str] = {
     **{("entry", state): state for state in ENTRY_STATES},
     ("atmosphere", "density_factor"): "density_factor",

@@ -23,7 +23,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ampi.physics.equations_of_motion import FlightModel
-from ampi.physics.path_constraints import PATH_CONSTRAINTS, no_fly_zone, path_constraints
+from ampi.physics.path_constraints import no_fly_zone, path_constraints
+from ampi.physics.state import LOADS
 from ampi.physics.vehicle import air_loads
 
 if TYPE_CHECKING:
@@ -66,7 +67,7 @@ class PathLimits:
         """Names of the limits on what the flight meets, in order: all but those of the control."""
         floor = () if self.drag_floor is None else ("drag_floor",)
         zones = tuple(f"no_fly_zone {k}" for k in range(1, len(self.no_fly_zones) + 1))
-        return (*PATH_CONSTRAINTS, *floor, *zones)
+        return (*LOADS, *floor, *zones)
 
     @property
     def names(self) -> tuple[str, ...]:

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from ampi.missions.mission import Mission, load_mission
 from ampi.papers.liu2015 import liu2015_case
 from ampi.papers.table import Reproduction
-from ampi.physics.path_constraints import PATH_CONSTRAINTS
 from ampi.physics.planet import destination
+from ampi.physics.state import LOADS
 from ampi.propagation import reintegrate
 from ampi.report.figures.look import INK, LIMIT_COLOUR, house_style, new_figure
 from ampi.scp.literature.energy_domain import EnergyDomain
@@ -159,7 +159,7 @@ def liu2024(found: Reproduction) -> Figure:
     (path, bank), (points, cost) = figure.subplots(2, 2)
     reduced = found.solutions["reduced"].trajectory
     flown = reintegrate(mission, reduced)
-    for k, name in enumerate(PATH_CONSTRAINTS):
+    for k, name in enumerate(LOADS):
         _trace(path, flown.fine_times[0], flown.fine_path[0, k], name.replace("_", " "), k)
     _limit(path, 1.0)
     ends = [s.start[0] + s.start[1] * reduced.final_time for s in reduced.mesh.segments]

@@ -21,19 +21,8 @@ import numpy as np
 
 from ampi.physics.atmosphere import Atmosphere
 from ampi.physics.planet import Planet, gravity
+from ampi.physics.state import N_STATES
 from ampi.physics.vehicle import Vehicle, air_loads
-
-STATES = (
-    "altitude",
-    "longitude",
-    "latitude",
-    "speed",
-    "flight_path_angle",
-    "azimuth",
-    "bank_angle",
-)
-STATE_UNITS = ("m", "rad", "rad", "m/s", "rad", "rad", "rad")
-CIRCULAR_STATES = (1, 5, 6)  # the same modulo a turn: longitude, azimuth, bank angle
 
 
 @dataclass(frozen=True)
@@ -62,7 +51,7 @@ def equations_of_motion(
         Time since the entry interface (s); the angle of attack may depend on it.
     """
     altitude, _, latitude, speed, flight_path_angle, azimuth, bank_angle = (
-        state[i] for i in range(7)
+        state[i] for i in range(N_STATES)
     )
     radius = model.planet.equatorial_radius + altitude
     sin_lat, cos_lat = np.sin(latitude), np.cos(latitude)

@@ -24,8 +24,6 @@ from ampi.physics.equations_of_motion import FlightModel
 from ampi.physics.planet import haversine
 from ampi.physics.vehicle import air_loads
 
-PATH_CONSTRAINTS = ("dynamic_pressure", "heat_flux", "load_factor")
-
 
 def path_constraints(model: FlightModel, state: Any, time: Any) -> tuple[Any, Any, Any]:
     """(q in Pa, Q̇ in W/m², n_z in g) at `state` (h, θ, φ, V, γ, ψ, σ; SI, rad) and `time` (s)."""

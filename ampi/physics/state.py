@@ -1,14 +1,33 @@
-"""The states of the equations of motion: their order, and what the equations know of it.
+"""States, control and loads: their names, units and order, written once.
 
-    x = (h, θ, φ, V, γ, ψ, σ)      m, rad, rad, m/s, rad, rad, rad
+    x = (h, θ, φ, V, γ, ψ, σ),   u = σ̇,   loads (q, Q̇, n_z)
 
-Two of the seven are quadratures: no state enters σ̇ = u, and the longitude enters no rate.
+Two of the seven states are quadratures: no state enters σ̇ = u, and the longitude enters no rate.
 """
 
 from __future__ import annotations
 
-N_STATES = 7
-LONGITUDE = 1  # feeds back into no rate: the planet and its air are the same all around
-BANK = 6  # its rate is the control, whatever the states
-CORE = (0, 2, 3, 4, 5)  # what lies between the two in the equations of motion
+STATES = (
+    "altitude",
+    "longitude",
+    "latitude",
+    "speed",
+    "flight_path_angle",
+    "azimuth",
+    "bank_angle",
+)
+STATE_UNITS = ("m", "rad", "rad", "m/s", "rad", "rad", "rad")
+N_STATES = len(STATES)
+ALTITUDE, LONGITUDE, LATITUDE, SPEED, FLIGHT_PATH_ANGLE, AZIMUTH, BANK = range(N_STATES)
+CIRCULAR_STATES = (LONGITUDE, AZIMUTH, BANK)  # the same modulo a turn
+ENTRY_STATES = STATES[:BANK]  # what an entry interface fixes: the bank angle there is free
+# BANK: its rate is the control, whatever the states. LONGITUDE feeds back into no rate: the planet and
+# its air are the same all around. What lies between the two in the equations of motion:
+CORE = (ALTITUDE, LATITUDE, SPEED, FLIGHT_PATH_ANGLE, AZIMUTH)
 N_CORE = len(CORE)
+
+CONTROLS = ("bank_rate",)
+CONTROL_UNITS = ("rad/s",)
+
+LOADS = ("dynamic_pressure", "heat_flux", "load_factor")
+LOAD_UNITS = ("Pa", "W/m²", "g₀")

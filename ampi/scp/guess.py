@@ -16,8 +16,9 @@ from scipy.integrate import solve_ivp
 
 from ampi.missions.mission import Mission
 from ampi.physics.angles import on_turn_of, wrapped
-from ampi.physics.equations_of_motion import CIRCULAR_STATES, equations_of_motion
+from ampi.physics.equations_of_motion import equations_of_motion
 from ampi.physics.planet import bearing, great_circle_distance
+from ampi.physics.state import CIRCULAR_STATES
 from ampi.pseudospectral.mesh import Mesh
 from ampi.trajectory import Trajectory
 

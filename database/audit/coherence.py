@@ -42,7 +42,7 @@ from numpy.typing import NDArray
 from ampi.dataset import TrajectoryDataset
 from ampi.missions.path_limits import KEPT, PathLimits
 from ampi.physics.angles import on_turn_of
-from ampi.physics.equations_of_motion import STATES
+from ampi.physics.state import STATES
 from database.plan.grid import Grid
 
 Array = NDArray[np.float64]

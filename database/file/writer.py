@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ampi.missions.path_limits import PathLimits
-from ampi.physics.equations_of_motion import STATES
+from ampi.physics.state import STATES
 from ampi.pseudospectral.mesh import Mesh
 from ampi.scp.problem.scaled_problem import OptimalControlProblem
 from database.file.blocks import Block, block_shape

@@ -22,7 +22,7 @@ from ampi.dataset import FIELDS, DatasetError, read_dataset, seal, stored_missio
 from ampi.loading import guidance_table, load_guidance
 from ampi.missions.family import MissionFamily
 from ampi.missions.mission import Mission, parse_mission
-from ampi.physics.equations_of_motion import STATES
+from ampi.physics.state import STATES
 from ampi.pseudospectral.mesh import Mesh, Phase
 from ampi.scp.condensed.exact_hessian import SolverSettings
 from ampi.scp.solve import solve_family

@@ -10,9 +10,9 @@ from scipy.optimize import brentq
 from ampi.guidance import BankCommand, Guidance, Health
 from ampi.missions.family import MissionFamily
 from ampi.missions.mission import EntrySection, Mission
-from ampi.missions.parameters import ENTRY_STATES
 from ampi.onboard.reference import Mode
 from ampi.physics.equations_of_motion import equations_of_motion
+from ampi.physics.state import ENTRY_STATES
 from ampi.simulation.closed_loop import FlightStatus, fly_batch
 
 Array = NDArray[np.float64]

@@ -11,8 +11,8 @@ import pytest
 
 from ampi.missions import Mission, load_mission, shipped_missions
 from ampi.missions.mission import parse_mission
-from ampi.missions.parameters import ENTRY_STATES
 from ampi.physics.planet import WGS84
+from ampi.physics.state import ENTRY_STATES
 
 DEGREE = np.pi / 180.0
 

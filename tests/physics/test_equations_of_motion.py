@@ -14,8 +14,9 @@ from scipy.integrate import solve_ivp
 
 from ampi.missions import load_mission
 from ampi.physics.atmosphere import ExponentialAtmosphere
-from ampi.physics.equations_of_motion import STATE_UNITS, STATES, FlightModel, equations_of_motion
+from ampi.physics.equations_of_motion import FlightModel, equations_of_motion
 from ampi.physics.planet import WGS84, Planet, gravity
+from ampi.physics.state import STATE_UNITS, STATES
 from ampi.physics.vehicle import air_loads
 
 Array = NDArray[np.float64]

@@ -15,10 +15,11 @@ import pytest
 from numpy.typing import NDArray
 
 from ampi.missions import Mission, load_mission
-from ampi.missions.mission import ENTRY_STATES, NoFlyZoneSection
+from ampi.missions.mission import NoFlyZoneSection
 from ampi.physics.equations_of_motion import equations_of_motion
-from ampi.physics.path_constraints import PATH_CONSTRAINTS, path_constraints
+from ampi.physics.path_constraints import path_constraints
 from ampi.physics.planet import great_circle_distance
+from ampi.physics.state import ENTRY_STATES, LOADS
 from ampi.physics.vehicle import air_loads
 from ampi.pseudospectral.mesh import Mesh, Phase
 from ampi.scp.guess import ConstantBank, NodalGuess, constant_bank_guess, from_trajectory
@@ -213,7 +214,7 @@ def flown(mission: Mission, bank_deg: float) -> NodalGuess:
 def limited(mission: Mission, kind: int, share: float, nominal: Trajectory) -> Mission:
     """The mission with one path limit at a share of the nominal optimum's peak."""
     values = path_constraints(mission.flight_model, nominal.states, nominal.times)
-    limit = {PATH_CONSTRAINTS[kind]: share * float(values[kind].max())}
+    limit = {LOADS[kind]: share * float(values[kind].max())}
     return mission.model_copy(update={"limits": mission.limits.model_copy(update=limit)})
 
 

@@ -12,7 +12,8 @@ from hypothesis import settings as hypothesis_settings
 from hypothesis import strategies as st
 
 from ampi.missions import Mission
-from ampi.physics.path_constraints import PATH_CONSTRAINTS, path_constraints
+from ampi.physics.path_constraints import path_constraints
+from ampi.physics.state import LOADS
 from ampi.pseudospectral.mesh import Mesh, Phase
 from ampi.scp.guess import ConstantBank
 from ampi.scp.refinement import RefinementSettings, mesh_error, refine, refined_mesh
@@ -49,7 +50,7 @@ def test_the_error_is_small_on_a_fine_mesh_and_large_on_a_coarse_one(
 def test_a_peak_between_the_nodes_is_seen(mission: Mission, nominal: Trajectory) -> None:
     # Every limit at its nodal peak: between the nodes one of them is exceeded, by little.
     nodal = path_constraints(mission.flight_model, nominal.states, nominal.times)
-    peaks = {name: float(value.max()) for name, value in zip(PATH_CONSTRAINTS, nodal, strict=True)}
+    peaks = {name: float(value.max()) for name, value in zip(LOADS, nodal, strict=True)}
     tight = mission.model_copy(update={"limits": mission.limits.model_copy(update=peaks)})
     assert 0.0 < mesh_error(tight, nominal, LOOSE).excess.max() < 0.02
     assert mesh_error(mission, nominal, LOOSE).excess.max() < 0.0

@@ -9,7 +9,8 @@ import pytest
 
 from ampi.missions import Mission
 from ampi.missions.mission import NoFlyZoneSection
-from ampi.physics.path_constraints import PATH_CONSTRAINTS, path_constraints
+from ampi.physics.path_constraints import path_constraints
+from ampi.physics.state import LOADS
 from ampi.scp.problem.shortfall import shortfall, verdict
 from ampi.trajectory import Statistics, Status, Trajectory
 
@@ -35,8 +36,8 @@ def test_a_solution_leaves_nothing_open(mission: Mission, nominal: Trajectory) -
 @pytest.mark.parametrize("kind", range(3))
 def test_an_exceeded_limit_is_named(mission: Mission, nominal: Trajectory, kind: int) -> None:
     peak = path_constraints(mission.flight_model, nominal.states, nominal.times)[kind].max()
-    tight = with_section(mission, "limits", **{PATH_CONSTRAINTS[kind]: peak / 1.25})
-    assert shortfall(tight, nominal) == [f"{PATH_CONSTRAINTS[kind]} is 25 % above its limit"]
+    tight = with_section(mission, "limits", **{LOADS[kind]: peak / 1.25})
+    assert shortfall(tight, nominal) == [f"{LOADS[kind]} is 25 % above its limit"]
 
 
 def test_a_zone_that_is_entered_is_named(mission: Mission, nominal: Trajectory) -> None:

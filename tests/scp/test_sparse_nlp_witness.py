@@ -17,9 +17,9 @@ import pytest
 from numpy.typing import NDArray
 
 from ampi.missions import Mission, load_mission
-from ampi.missions.mission import ENTRY_STATES
 from ampi.physics.equations_of_motion import equations_of_motion
 from ampi.physics.path_constraints import path_constraints
+from ampi.physics.state import ENTRY_STATES
 from ampi.pseudospectral.mesh import Mesh
 from ampi.scp.literature.methods import METHODS, Solution, solve_by
 from ampi.scp.literature.starts import Start, straight_line

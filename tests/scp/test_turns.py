@@ -10,7 +10,7 @@ import pytest
 
 from ampi.missions import Mission, load_mission
 from ampi.physics.angles import wrapped
-from ampi.physics.equations_of_motion import CIRCULAR_STATES
+from ampi.physics.state import CIRCULAR_STATES
 from ampi.scp.guess import ConstantBank, from_trajectory
 from ampi.scp.literature.formulation import FinalState
 from ampi.scp.literature.starts import straight_line

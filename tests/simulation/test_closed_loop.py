@@ -15,10 +15,10 @@ from ampi.guidance import Guidance
 from ampi.loading import guidance_table
 from ampi.missions.family import MissionFamily
 from ampi.missions.mission import EntrySection, Mission, parse_mission
-from ampi.missions.parameters import ENTRY_STATES
 from ampi.missions.path_limits import PathLimits
 from ampi.onboard.reference import Mode
 from ampi.physics.equations_of_motion import equations_of_motion
+from ampi.physics.state import ENTRY_STATES
 from ampi.simulation.closed_loop import LONGEST, FlightBatch, FlightStatus, fly_batch
 from ampi.simulation.dispersions import Dispersions, Distribution
 from ampi.tracking.bank_limiter import BankLimits

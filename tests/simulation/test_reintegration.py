@@ -15,7 +15,8 @@ from ampi.missions.family import MissionFamily
 from ampi.missions.mission import Mission
 from ampi.missions.path_limits import PathLimits
 from ampi.physics.equations_of_motion import equations_of_motion
-from ampi.physics.path_constraints import PATH_CONSTRAINTS, path_constraints
+from ampi.physics.path_constraints import path_constraints
+from ampi.physics.state import LOADS
 from ampi.propagation import reintegrate, reintegrate_many
 from ampi.trajectory import Trajectory
 
@@ -115,7 +116,7 @@ def test_peaks_are_read_between_the_nodes(mission: Mission, dataset: TrajectoryD
     expected, _ = trajectory.at(times)
     assert states[6] == pytest.approx(expected[6], abs=1e-10)
     limits = mission.limits
-    assert PathLimits.of(mission).names == (*PATH_CONSTRAINTS, "bank_angle", "bank_rate")
+    assert PathLimits.of(mission).names == (*LOADS, "bank_angle", "bank_rate")
     apart = np.diff(times) > 0.1  # segments share their ends
     bank_rate = np.diff(states[6])[apart] / np.diff(times)[apart]
 

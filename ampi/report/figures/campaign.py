@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from ampi.missions.mission import Mission
 from ampi.onboard.reference import Mode
 from ampi.physics.angles import wrapped
-from ampi.physics.equations_of_motion import CIRCULAR_STATES
+from ampi.physics.state import CIRCULAR_STATES
 from ampi.report.figures.ground_track import (
     TrackBundle,
     draw_ground_tracks,

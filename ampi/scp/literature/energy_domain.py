@@ -37,8 +37,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ampi.missions.mission import Mission
-from ampi.physics.equations_of_motion import CIRCULAR_STATES, equations_of_motion
-from ampi.physics.path_constraints import PATH_CONSTRAINTS, path_constraints
+from ampi.physics.equations_of_motion import equations_of_motion
+from ampi.physics.path_constraints import path_constraints
+from ampi.physics.state import CIRCULAR_STATES, LOADS
 from ampi.physics.vehicle import air_loads
 from ampi.pseudospectral.mesh import Mesh
 from ampi.scp.literature.chattering import reversals
@@ -156,7 +157,7 @@ class EnergyDomain:
     @property
     def limit_names(self) -> tuple[str, ...]:
         """Kinds of limits, in order."""
-        names = [*no_fly_zone_names(self.mission), *PATH_CONSTRAINTS]
+        names = [*no_fly_zone_names(self.mission), *LOADS]
         return (*names, "drag_floor") if self.mission.limits.drag_floor is not None else (*names,)
 
     @cached_property
@@ -280,7 +281,7 @@ class EnergyDomain:
     def altitude_floors(self, s: Array) -> Array:
         """l_q, l_Q, l_n of Liu Eq. (12): (3, n) m."""
         model, limits = self.mission.flight_model, self.mission.limits
-        over = [getattr(limits, name) for name in PATH_CONSTRAINTS]
+        over = [getattr(limits, name) for name in LOADS]
 
         def excess(kind: int, altitude: Array) -> Array:
             speed = self.speed(altitude, s + self.first_energy)

@@ -15,8 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ampi.missions.mission import Mission
-from ampi.physics.equations_of_motion import CIRCULAR_STATES, equations_of_motion
-from ampi.physics.path_constraints import PATH_CONSTRAINTS, path_constraints
+from ampi.physics.equations_of_motion import equations_of_motion
+from ampi.physics.path_constraints import path_constraints
+from ampi.physics.state import CIRCULAR_STATES, LOADS
 from ampi.physics.vehicle import air_loads
 from ampi.pseudospectral.mesh import Mesh
 from ampi.scp.literature.coast import Coast
@@ -57,7 +58,7 @@ class TimeDomain:
     @classmethod
     def from_mission(cls, mission: Mission, coast: Coast | None = None) -> TimeDomain:
         """Trace a mission's problem."""
-        names = [*PATH_CONSTRAINTS, *no_fly_zone_names(mission)]
+        names = [*LOADS, *no_fly_zone_names(mission)]
         if mission.limits.drag_floor is not None:
             names.append("drag_floor")
         return cls(mission, coast, _terms(mission), _traced(mission), tuple(names))

@@ -18,9 +18,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ampi.missions.mission import TARGET_WEIGHTS, Mission
-from ampi.missions.parameters import ENTRY_STATES
 from ampi.physics.angles import on_turn_of
-from ampi.physics.equations_of_motion import CIRCULAR_STATES, FlightModel
+from ampi.physics.equations_of_motion import FlightModel
+from ampi.physics.state import CIRCULAR_STATES, ENTRY_STATES
 from ampi.pseudospectral.mesh import Mesh
 from ampi.scp.problem.objective import Objective
 from ampi.tracing.node_functions import NodeFunctions
