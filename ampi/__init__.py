@@ -18,7 +18,8 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from ampi.guidance import BankCommand, Guidance
     from ampi.loading import load_guidance
-    from ampi.missions.mission import Mission, load_mission
+    from ampi.missions.loading import load_mission
+    from ampi.missions.mission import Mission
     from ampi.onboard.health import Health
     from ampi.onboard.reference import Mode, Reference
     from ampi.scp.condensed.exact_hessian import SolverSettings
@@ -65,7 +66,7 @@ _HOME = {
     "write_flights_csv": "ampi.simulation.flights_csv",
     "judge": "ampi.simulation.statistics",
     "load_guidance": "ampi.loading",
-    "load_mission": "ampi.missions.mission",
+    "load_mission": "ampi.missions.loading",
     "solve": "ampi.scp.solve",
     "solve_family": "ampi.scp.solve",
 }

@@ -23,7 +23,8 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from ampi.missions.mission import Mission, MissionError, load_mission
+from ampi.missions.loading import load_mission
+from ampi.missions.mission import Mission, MissionError
 from ampi.outputs import FIGURES, check_figures, check_output, written
 from ampi.progress import progress
 from ampi.terminal import discard, standard_stream
@@ -153,7 +154,7 @@ def _without_nan(value: Any) -> Any:
 @app.command()
 def missions() -> None:
     """List the shipped missions."""
-    from ampi.missions.mission import shipped_missions
+    from ampi.missions.loading import shipped_missions
 
     for name in shipped_missions():
         out.print(f"{name:16} {load_mission(name).title}")

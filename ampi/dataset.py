@@ -34,7 +34,8 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
-from ampi.missions.mission import Mission, MissionError, parse_mission
+from ampi.missions.loading import parse_mission
+from ampi.missions.mission import Mission, MissionError
 from ampi.trajectory import Statistics, Status, Trajectory
 
 Array = NDArray[np.float64]

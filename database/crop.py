@@ -17,7 +17,9 @@ import tomlkit
 from numpy.typing import NDArray
 
 from ampi.dataset import TrajectoryDataset, read_dataset
-from ampi.missions.mission import Mission, leaves, parse_mission
+from ampi.missions.grid import leaves
+from ampi.missions.loading import parse_mission
+from ampi.missions.mission import Mission
 from ampi.missions.parameters import measured_values
 from ampi.scp.solve import solve
 from database.build import KnownCase, build

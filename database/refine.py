@@ -16,7 +16,9 @@ import numpy as np
 import tomlkit
 
 from ampi.dataset import TrajectoryDataset, read_dataset
-from ampi.missions.mission import Mission, leaves, parse_mission
+from ampi.missions.grid import leaves
+from ampi.missions.loading import parse_mission
+from ampi.missions.mission import Mission
 from ampi.scp.solve import solve
 from database.audit.error_map import CellError, best_cell, error_map
 from database.build import KnownCase, build

@@ -14,7 +14,8 @@ from typing import Any
 import numpy as np
 
 from ampi.dataset import DatasetError, partial_folder, read_dataset
-from ampi.missions.mission import Mission, parse_mission
+from ampi.missions.loading import parse_mission
+from ampi.missions.mission import Mission
 from ampi.propagation import flown_again
 from ampi.scp.problem.shortfall import verdict
 from ampi.scp.solve import solve

@@ -23,7 +23,7 @@ import numpy as np
 
 import ampi
 import database
-from ampi.missions.mission import parse_mission
+from ampi.missions.loading import parse_mission
 from ampi.scp.solve import solve
 from database.factory.stand_in import neighbour_moved
 

@@ -128,7 +128,7 @@ def test_what_is_no_number_of_workers_is_refused(n_jobs: int) -> None:
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A database of three cases, and a mission of many."""
-    from ampi.missions.mission import load_mission
+    from ampi.missions.loading import load_mission
 
     where = tmp_path_factory.mktemp("stopped")
     text = load_mission("shefex3").toml

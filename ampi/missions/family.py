@@ -9,25 +9,24 @@ from __future__ import annotations
 
 from copy import copy
 from dataclasses import dataclass, fields, is_dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any, Generic, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ampi.missions.path_limits import PathLimits
+from ampi.missions.sections import MissionSections
 from ampi.physics.equations_of_motion import FlightModel
 
-if TYPE_CHECKING:
-    from ampi.missions.mission import Mission
-
 Array = NDArray[np.float64]
+AnyMission = TypeVar("AnyMission", bound=MissionSections)
 
 
 @dataclass(frozen=True)
-class MissionFamily:
+class MissionFamily(Generic[AnyMission]):
     """c missions that differ in numbers only."""
 
-    missions: tuple[Mission, ...]
+    missions: tuple[AnyMission, ...]
 
     @property
     def entry_states(self) -> Array:

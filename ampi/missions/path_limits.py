@@ -18,17 +18,15 @@ The least bank angle of Liu 2015 is no limit in this sense: a flight passes thro
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
+from ampi.missions.sections import MissionSections
 from ampi.physics.equations_of_motion import FlightModel
 from ampi.physics.path_constraints import no_fly_zone, path_constraints
 from ampi.physics.state import LOADS
 from ampi.physics.vehicle import air_loads
-
-if TYPE_CHECKING:
-    from ampi.missions.mission import Mission
 
 KEPT = 1e-3  # of a limit: the excess that still counts as kept
 CONTROL_LIMITS = ("bank_angle", "bank_rate")
@@ -45,7 +43,7 @@ class PathLimits:
     bank_rate: Any = 1.0  # rad/s
 
     @classmethod
-    def of(cls, mission: Mission) -> PathLimits:
+    def of(cls, mission: MissionSections) -> PathLimits:
         """Those of one mission."""
         limits, planet = mission.limits, mission.flight_model.planet
         floor = None

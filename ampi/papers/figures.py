@@ -9,7 +9,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from ampi.missions.mission import Mission, load_mission
+from ampi.missions.loading import load_mission
+from ampi.missions.mission import Mission
 from ampi.papers.liu2015 import liu2015_case
 from ampi.papers.table import Reproduction
 from ampi.physics.planet import destination

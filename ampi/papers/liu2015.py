@@ -6,7 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from ampi.missions.mission import Mission, load_mission
+from ampi.missions.loading import load_mission
+from ampi.missions.mission import Mission
 from ampi.papers.table import (
     Reproduction,
     Row,

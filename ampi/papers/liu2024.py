@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import asdict
 from typing import Any
 
-from ampi.missions.mission import load_mission
+from ampi.missions.loading import load_mission
 from ampi.papers.table import Reproduction, Row, numbers_of, solved, summary
 from ampi.scp.refinement import RefinementSettings
 from ampi.scp.solve import solve

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from ampi.missions.mission import Mission, load_mission
+from ampi.missions.loading import load_mission
+from ampi.missions.mission import Mission
 from ampi.papers.table import Reproduction, Row, numbers_of, solved, summary
 from ampi.scp.literature.methods import METHODS
 from ampi.scp.refinement import RefinementSettings

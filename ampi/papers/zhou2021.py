@@ -16,7 +16,8 @@ from typing import Any
 
 import numpy as np
 
-from ampi.missions.mission import Mission, load_mission
+from ampi.missions.loading import load_mission
+from ampi.missions.mission import Mission
 from ampi.papers.table import UNITS, Reproduction, Row, numbers_of, solved, summary
 from ampi.scp.literature.methods import METHODS, Solution
 from ampi.scp.literature.successive import StateChange

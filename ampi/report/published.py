@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from ampi.missions.mission import Mission, load_mission, shipped_missions
+from ampi.missions.loading import load_mission, shipped_missions
+from ampi.missions.mission import Mission
 
 PAPER_MISSION = "shefex3"
 # what makes a mission the one of its name; grid, mesh and optimum are the user's

@@ -12,7 +12,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from threadpoolctl import ThreadpoolController
 
-from ampi.missions.mission import GuessSection, Mission
+from ampi.missions.mission import Mission
+from ampi.missions.sections import GuessSection
 from ampi.propagation import flown_again
 from ampi.scp.condensed.exact_hessian import ExactHessianIteration, SolverSettings
 from ampi.scp.condensed.family import kind, newton

@@ -38,7 +38,7 @@ from ampi.dataset import (
     refuse_while_written,
     seal_holds,
 )
-from ampi.missions.mission import parse_mission
+from ampi.missions.loading import parse_mission
 from ampi.trajectory import Status
 
 FINITE = ("states", "bank_rate", "gains", "final_time")  # in every solved case, and in no other

@@ -10,7 +10,8 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from ampi.dataset import TrajectoryDataset
-from ampi.missions.mission import Mission, parse_mission
+from ampi.missions.loading import parse_mission
+from ampi.missions.mission import Mission
 from ampi.scp.solve import solve
 from ampi.tracker_design.riccati_gains import GainSettings
 from ampi.trajectory import Trajectory

@@ -7,7 +7,8 @@ from pathlib import Path
 import pytest
 
 import database
-from ampi.missions.mission import Mission, load_mission, parse_mission
+from ampi.missions.loading import load_mission, parse_mission
+from ampi.missions.mission import Mission
 
 SMALL_GRID = """[grid]
 speed_m_per_s = [-70.0, 0.0, 70.0]

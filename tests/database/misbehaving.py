@@ -16,7 +16,8 @@ import numpy as np
 
 import database
 from ampi.dataset import read_dataset
-from ampi.missions.mission import Mission, load_mission
+from ampi.missions.loading import load_mission
+from ampi.missions.mission import Mission
 from ampi.trajectory import Status, Trajectory
 from database.factory.jobs import Job
 from database.factory.stand_in import neighbour_moved

@@ -17,7 +17,8 @@ import ampi
 import database
 from ampi.cli import app
 from ampi.dataset import TrajectoryDataset, read_dataset
-from ampi.missions.mission import Mission, load_mission, parse_mission
+from ampi.missions.loading import load_mission, parse_mission
+from ampi.missions.mission import Mission
 from ampi.trajectory import Trajectory
 from database.audit.branches import (
     BANK,

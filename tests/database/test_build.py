@@ -11,7 +11,8 @@ import pytest
 import database
 from ampi.dataset import DatasetError, partial_folder, read_dataset
 from ampi.loading import load_guidance
-from ampi.missions.mission import Mission, load_mission, parse_mission
+from ampi.missions.loading import load_mission, parse_mission
+from ampi.missions.mission import Mission
 from ampi.missions.path_limits import KEPT, PathLimits
 from ampi.propagation import reintegrate
 from ampi.scp.solve import solve

@@ -15,7 +15,8 @@ import pytest
 
 import database
 from ampi.dataset import partial_folder
-from ampi.missions.mission import Mission, parse_mission
+from ampi.missions.loading import parse_mission
+from ampi.missions.mission import Mission
 from ampi.trajectory import Status
 from ampi.workers.job import JobError
 from ampi.workers.software import software

@@ -17,7 +17,8 @@ import ampi
 import database
 from ampi.dataset import DIGEST, TrajectoryDataset, partial_folder, read_dataset
 from ampi.loading import load_guidance
-from ampi.missions.mission import Mission, parse_mission
+from ampi.missions.loading import parse_mission
+from ampi.missions.mission import Mission
 from ampi.tracker_design.riccati_gains import GainSettings
 from database.audit.coherence import (
     ANGULAR,

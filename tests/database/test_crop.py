@@ -17,7 +17,8 @@ from typer.testing import CliRunner
 import database
 from ampi.cli import app
 from ampi.dataset import partial_folder, read_dataset
-from ampi.missions.mission import Mission, parse_mission
+from ampi.missions.loading import parse_mission
+from ampi.missions.mission import Mission
 from ampi.trajectory import Status
 from database.audit.verify import verify
 from database.build_report import BuildReport

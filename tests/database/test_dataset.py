@@ -21,7 +21,8 @@ import xarray
 from ampi.dataset import FIELDS, DatasetError, read_dataset, seal, stored_mission
 from ampi.loading import guidance_table, load_guidance
 from ampi.missions.family import MissionFamily
-from ampi.missions.mission import Mission, parse_mission
+from ampi.missions.loading import parse_mission
+from ampi.missions.mission import Mission
 from ampi.physics.state import STATES
 from ampi.pseudospectral.mesh import Mesh, Phase
 from ampi.scp.condensed.exact_hessian import SolverSettings

@@ -16,7 +16,8 @@ from typer.testing import CliRunner
 import database
 from ampi.cli import app
 from ampi.dataset import FIELDS
-from ampi.missions.mission import Mission, parse_mission
+from ampi.missions.loading import parse_mission
+from ampi.missions.mission import Mission
 from database.estimate import estimate
 from database.records.campaign import BuildError
 

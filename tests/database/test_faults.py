@@ -31,7 +31,8 @@ from ampi.dataset import (
     read_dataset,
     seal,
 )
-from ampi.missions.mission import Mission, parse_mission
+from ampi.missions.loading import parse_mission
+from ampi.missions.mission import Mission
 from ampi.trajectory import Status
 from ampi.workers.software import software
 from ampi.workers.supervisor import Supervisor

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from ampi.missions.mission import Mission, load_mission, parse_mission
+from ampi.missions.loading import load_mission, parse_mission
+from ampi.missions.mission import Mission
 from database.plan.continuation import layers
 from database.plan.grid import Grid
 

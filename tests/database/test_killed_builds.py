@@ -14,7 +14,8 @@ import pytest
 
 import database
 from ampi.dataset import partial_folder
-from ampi.missions.mission import Mission, parse_mission
+from ampi.missions.loading import parse_mission
+from ampi.missions.mission import Mission
 
 HERE = Path(__file__).parent
 THIRD_AXIS = "azimuth_deg = [-0.5, 0.0, 0.5]\n"

@@ -13,7 +13,8 @@ import ampi
 import database
 from ampi.dataset import TrajectoryDataset, read_dataset
 from ampi.loading import guidance_table
-from ampi.missions.mission import Mission, parse_mission
+from ampi.missions.loading import parse_mission
+from ampi.missions.mission import Mission
 from ampi.onboard.reference import Mode
 from ampi.tracker_design.riccati_gains import GainSettings
 from ampi.trajectory import Status, Trajectory

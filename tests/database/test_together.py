@@ -11,7 +11,8 @@ import numpy as np
 import pytest
 
 import database
-from ampi.missions.mission import Mission, parse_mission
+from ampi.missions.loading import parse_mission
+from ampi.missions.mission import Mission
 from ampi.scp.solve import solve
 from ampi.trajectory import Trajectory
 from ampi.workers.supervisor import Supervisor

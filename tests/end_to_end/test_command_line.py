@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from ampi.missions.mission import load_mission
+from ampi.missions.loading import load_mission
 from ampi.simulation.monte_carlo import load_campaigns
 from ampi.simulation.statistics import AreaRatio, footprint_ratio
 from ampi.trajectory import Status

@@ -20,7 +20,8 @@ import database
 from ampi.dataset import read_dataset
 from ampi.guidance import Guidance
 from ampi.loading import load_guidance
-from ampi.missions.mission import Mission, load_mission, parse_mission
+from ampi.missions.loading import load_mission, parse_mission
+from ampi.missions.mission import Mission
 from ampi.onboard.reference import Mode
 from ampi.propagation import reintegrate
 from ampi.simulation.dispersions import Dispersions, Distribution

@@ -11,7 +11,8 @@ import ampi
 import database
 from ampi.guidance import Guidance
 from ampi.loading import load_guidance
-from ampi.missions.mission import Mission, load_mission, parse_mission
+from ampi.missions.loading import load_mission, parse_mission
+from ampi.missions.mission import Mission
 from ampi.simulation.dispersions import Dispersions, Distribution
 
 DEGREE = np.pi / 180.0

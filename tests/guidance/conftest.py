@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 import database
 from ampi.guidance import Guidance
 from ampi.loading import load_guidance
-from ampi.missions.mission import Mission, load_mission, parse_mission
+from ampi.missions.loading import load_mission, parse_mission
+from ampi.missions.mission import Mission
 from ampi.onboard.table import GAIN_ROWS, N_ROWS, RATE_ROW, STATE_ROWS, GuidanceTable
 from ampi.tracking.bank_limiter import BankLimits
 

@@ -9,7 +9,8 @@ from scipy.optimize import brentq
 
 from ampi.guidance import BankCommand, Guidance, Health
 from ampi.missions.family import MissionFamily
-from ampi.missions.mission import EntrySection, Mission
+from ampi.missions.mission import Mission
+from ampi.missions.sections import EntrySection
 from ampi.onboard.reference import Mode
 from ampi.physics.equations_of_motion import equations_of_motion
 from ampi.physics.state import ENTRY_STATES

@@ -12,12 +12,11 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from ampi.guidance import Guidance, Health
+from ampi.missions.mission import Mission
 from ampi.onboard.reference import Mode, Reference
 from ampi.onboard.table import STATE_ROWS
 from ampi.simulation.closed_loop import FlightStatus, fly_batch
 from ampi.tracking.bank_limiter import BankLimits, bank_on_turn
-
-from ampi.missions.mission import Mission  # isort: skip
 
 Array = NDArray[np.float64]
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from ampi.missions import MissionError, load_mission, shipped_missions
-from ampi.missions.mission import parse_mission
+from ampi.missions.loading import parse_mission
 
 TEXT = load_mission("shefex3").toml
 

@@ -11,7 +11,8 @@ import numpy as np
 import pytest
 
 from ampi.missions import MissionError, load_mission
-from ampi.missions.mission import Mission, parse_mission
+from ampi.missions.loading import parse_mission
+from ampi.missions.mission import Mission
 from ampi.missions.parameters import measured_values, mission_numbers
 from ampi.physics.equations_of_motion import equations_of_motion
 from ampi.physics.path_constraints import path_constraints

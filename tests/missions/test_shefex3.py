@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from ampi.missions import Mission, load_mission, shipped_missions
-from ampi.missions.mission import parse_mission
+from ampi.missions.loading import parse_mission
 from ampi.physics.planet import WGS84
 from ampi.physics.state import ENTRY_STATES
 

@@ -13,7 +13,8 @@ import pytest
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle
 
-from ampi.missions.mission import Mission, NoFlyZoneSection
+from ampi.missions.mission import Mission
+from ampi.missions.sections import NoFlyZoneSection
 from ampi.onboard.reference import Mode, ReferenceGenerator
 from ampi.onboard.table import GuidanceTable
 from ampi.outputs import check_output

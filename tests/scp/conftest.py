@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from ampi.missions import Mission, load_mission
-from ampi.missions.mission import parse_mission
+from ampi.missions.loading import parse_mission
 from ampi.scp.condensed.iterate import Flight, Point, RestorationSettings
 from ampi.scp.guess import ConstantBank, constant_bank_guess, from_trajectory
 from ampi.scp.problem.scaled_problem import OptimalControlProblem

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from ampi.missions import Mission, load_mission
-from ampi.missions.mission import shipped_missions
+from ampi.missions.loading import shipped_missions
 from ampi.scp.guess import ConstantBank
 from ampi.scp.problem.capabilities import (
     CONDENSED,

@@ -11,7 +11,7 @@ import pytest
 import ampi.propagation
 from ampi.missions import Mission, load_mission
 from ampi.missions.family import MissionFamily
-from ampi.missions.mission import parse_mission
+from ampi.missions.loading import parse_mission
 from ampi.missions.path_limits import KEPT, PathLimits
 from ampi.propagation import ReintegrationError, flight_checks, flown_again, reintegrate
 from ampi.pseudospectral.mesh import Mesh, Phase

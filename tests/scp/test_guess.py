@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
 from ampi.missions import Mission, load_mission
-from ampi.missions.mission import GuessSection, MeshSection, PhaseSection
+from ampi.missions.sections import GuessSection, MeshSection, PhaseSection
 from ampi.physics.equations_of_motion import equations_of_motion
 from ampi.physics.planet import bearing, great_circle_distance
 from ampi.scp.guess import (

@@ -15,7 +15,7 @@ import pytest
 from numpy.typing import NDArray
 
 from ampi.missions import Mission, load_mission
-from ampi.missions.mission import NoFlyZoneSection
+from ampi.missions.sections import NoFlyZoneSection
 from ampi.physics.equations_of_motion import equations_of_motion
 from ampi.physics.path_constraints import path_constraints
 from ampi.physics.planet import great_circle_distance

@@ -13,7 +13,8 @@ import database
 from ampi.dataset import TrajectoryDataset, read_dataset
 from ampi.guidance import Guidance
 from ampi.loading import load_guidance
-from ampi.missions.mission import Mission, load_mission, parse_mission
+from ampi.missions.loading import load_mission, parse_mission
+from ampi.missions.mission import Mission
 from ampi.missions.path_limits import PathLimits
 from ampi.onboard.reference import Mode
 from ampi.simulation.monte_carlo import Flights

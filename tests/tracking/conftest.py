@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 
 from ampi.guidance import Guidance
 from ampi.missions.family import MissionFamily
-from ampi.missions.mission import Mission, load_mission
+from ampi.missions.loading import load_mission
+from ampi.missions.mission import Mission
 from ampi.onboard.reference import Mode
 from ampi.onboard.table import GAIN_ROWS, GuidanceTable
 from ampi.scp.solve import solve

@@ -11,8 +11,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ampi.missions.mission import TARGET_WEIGHTS, Mission
+from ampi.missions.mission import Mission
 from ampi.missions.path_limits import PathLimits
+from ampi.missions.sections import TARGET_WEIGHTS
 
 TERMS = (
     "bank_rate_effort",

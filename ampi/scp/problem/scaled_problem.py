@@ -17,7 +17,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ampi.missions.mission import TARGET_WEIGHTS, Mission
+from ampi.missions.mission import Mission
+from ampi.missions.sections import TARGET_WEIGHTS
 from ampi.physics.angles import on_turn_of
 from ampi.physics.equations_of_motion import FlightModel
 from ampi.physics.state import CIRCULAR_STATES, ENTRY_STATES

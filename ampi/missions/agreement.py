@@ -1,0 +1,124 @@
+"""What no section of a mission can tell alone: whether they fit together."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from ampi.missions import units as u
+from ampi.missions.sections import EntrySection, MissionSections, TargetSection
+from ampi.physics.angles import on_turn_of
+from ampi.physics.path_constraints import no_fly_zone, path_constraints
+from ampi.physics.planet import great_circle_distance
+from ampi.physics.state import LOADS
+from ampi.physics.vehicle import air_loads
+
+LATE = 1e4  # s: after any angle-of-attack manoeuvre
+
+
+def disagreements(mission: MissionSections) -> list[str]:
+    """A sentence for each, of the sections that `mission` has."""
+    found: list[str] = []
+    for sections, check in (
+        ("vehicle", _vehicle_stands),
+        ("mesh", _mesh_stands),
+        ("entry target", _flight_slows_down),
+        ("planet atmosphere vehicle limits entry", _entry_keeps_limits),
+        ("planet atmosphere vehicle limits target", _target_keeps_limits),
+        ("planet limits entry target no_fly_zone", _zones_are_clear),
+        ("limits guess", _guess_keeps_its_limit),
+    ):
+        if not all(hasattr(mission, name) for name in sections.split()):
+            continue
+        try:
+            found += check(mission)
+        except ValueError as error:
+            found.append(str(error))
+    return list(dict.fromkeys(found))
+
+
+def _vehicle_stands(mission: MissionSections) -> Iterator[str]:
+    mission.vehicle.build()
+    yield from ()
+
+
+def _mesh_stands(mission: MissionSections) -> Iterator[str]:
+    _ = mission.pseudospectral_mesh.segments
+    yield from ()
+
+
+def _flight_slows_down(mission: MissionSections) -> Iterator[str]:
+    if mission.target.speed >= mission.entry.speed:
+        yield (
+            f"target.speed ({mission.target.speed:g} m/s) must be below entry.speed "
+            f"({mission.entry.speed:g} m/s)"
+        )
+
+
+def _entry_keeps_limits(mission: MissionSections) -> Iterator[str]:
+    yield from _limits_exceeded_at(mission, "entry", [*mission.entry_state, 0.0], 0.0)
+
+
+def _target_keeps_limits(mission: MissionSections) -> Iterator[str]:
+    limits, target, model = mission.limits, mission.target, mission.flight_model
+    at_target = [target.altitude, 0.0, 0.0, target.speed, 0.0, 0.0, 0.0]
+    yield from _limits_exceeded_at(mission, "target", at_target, LATE)
+    floor, below = limits.drag_floor, limits.drag_floor_speed
+    if floor is None or below is None or target.speed > below:
+        return
+    air = air_loads(model.vehicle, model.atmosphere, target.altitude, target.speed, LATE)
+    drag, unit = (
+        float(air.drag) / model.planet.load_factor_gravity,
+        model.planet.load_factor_unit,
+    )
+    margin = limits.drag_floor_margin
+    if not drag >= floor * (1.0 + margin):
+        less = f" and a margin of {100.0 * margin:g} %" if margin else ""
+        yield (
+            f"limits.drag_floor: expected at most {drag:.4g} {unit}, the drag at the target; got "
+            f"{floor:.4g}{less}; lower the floor or change the target"
+        )
+
+
+def _limits_exceeded_at(
+    mission: MissionSections, place: str, state: list[float], time: float
+) -> Iterator[str]:
+    model = mission.flight_model
+    printed = (("kPa", 1e-3), ("MW/m²", 1e-6), (model.planet.load_factor_unit, 1.0))
+    values = path_constraints(model, state, time)
+    for name, (unit, per_si), value in zip(LOADS, printed, values, strict=True):
+        if not value <= mission.limits.designed(name):  # NaN too
+            margin, limit = getattr(mission.limits, f"{name}_margin"), getattr(mission.limits, name)
+            less = f" less its margin of {100.0 * margin:g} %" if margin else ""
+            yield (
+                f"limits.{name}: expected at least {float(value) * per_si:.4g} {unit}, its value at "
+                f"the {place}; got {limit * per_si:.4g}{less}; raise the limit or change the {place}"
+            )
+
+
+def _zones_are_clear(mission: MissionSections) -> Iterator[str]:
+    sphere = mission.planet.build().equatorial_radius
+    ends: list[tuple[str, EntrySection | TargetSection]] = [("entry", mission.entry)]
+    if mission.target.position == "fixed":
+        ends.append(("target", mission.target))
+    for number, zone in enumerate(mission.no_fly_zone, start=1):
+        for place, end in ends:
+            centre = (zone.longitude, zone.latitude)
+            away = great_circle_distance(end.longitude, end.latitude, *centre, sphere)
+            here = no_fly_zone(end.longitude, end.latitude, (*centre, zone.radius / sphere))
+            if away < zone.radius or here > mission.limits.share("no_fly_zone"):
+                yield (
+                    f"no_fly_zone {number}: expected the {place} outside the zone, got it "
+                    f"{away / 1e3:.0f} km from the centre of a zone of "
+                    f"{zone.radius / 1e3:.0f} km{' and its margin' if away >= zone.radius else ''}; "
+                    f"move the zone or the {place}"
+                )
+
+
+def _guess_keeps_its_limit(mission: MissionSections) -> Iterator[str]:
+    bank_angle = 0.0 if mission.guess is None else on_turn_of(mission.guess.bank_angle, 0.0)
+    if abs(bank_angle) > mission.limits.bank_angle:
+        yield (
+            f"guess.bank_angle: expected at most limits.bank_angle "
+            f"({mission.limits.bank_angle / u.DEGREE:.4g}°) in size, "
+            f"got {bank_angle / u.DEGREE:.4g}°"
+        )

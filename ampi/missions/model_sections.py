@@ -1,0 +1,178 @@
+"""The sections of a mission file that make its flight model: planet, atmosphere and vehicle."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import Field, model_validator
+
+from ampi.missions import units as u
+from ampi.missions.units import Dimension, Number, Section
+from ampi.physics.aerodynamics import (
+    Aerodynamics,
+    ModifiedNewtonian,
+    PolynomialDragPolar,
+    TabulatedAerodynamics,
+)
+from ampi.physics.atmosphere import (
+    SPECIFIC_HEAT_RATIO,
+    Atmosphere,
+    ExponentialAtmosphere,
+    StandardAtmosphere1976,
+)
+from ampi.physics.planet import WGS84, Planet
+from ampi.physics.vehicle import AngleOfAttackSchedule, Vehicle
+
+
+class PlanetSection(Section):
+    """`wgs84`, or a sphere given by radius and surface gravity.
+
+    Load factors (`load_factor_g`, `drag_floor_g`) are counted in g₀ = `load_factor_gravity`: 9.782 m/s²
+    of wgs84, of a sphere its own surface gravity, unless the mission gives another (9.80665 for limits
+    in the Earth's g on Mars).
+    """
+
+    model: Literal["wgs84", "sphere"]
+    radius: u.Length | None = Field(default=None, gt=0)
+    surface_gravity: Number | None = Field(default=None, gt=0)  # m/s²
+    rotation_rate: Number | None = None  # rad/s; a sphere without one stands still
+    load_factor_gravity: Number | None = Field(default=None, gt=0)  # m/s², g₀ of the load factor
+
+    @model_validator(mode="after")
+    def _sphere_is_complete(self) -> PlanetSection:
+        if self.model == "sphere" and (self.radius is None or self.surface_gravity is None):
+            raise ValueError("a sphere needs radius_km (or radius_m) and surface_gravity (m/s²)")
+        given = self.model_fields_set - {"model"}
+        if self.model == "wgs84" and given:
+            raise ValueError(f"wgs84 is complete in itself; remove {', '.join(sorted(given))}")
+        return self
+
+    def build(self) -> Planet:
+        """The physics object."""
+        if self.radius is None or self.surface_gravity is None:
+            return WGS84
+        return Planet(
+            equatorial_radius=self.radius,
+            gravitational_parameter=self.surface_gravity * self.radius**2,
+            j2=0.0,
+            rotation_rate=self.rotation_rate or 0.0,
+            load_factor_gravity=self.load_factor_gravity or self.surface_gravity,
+        )
+
+
+class AtmosphereSection(Section):
+    """`us76`, or `exponential` with surface density (kg/m³) and scale height; a factor on either.
+
+    An exponential atmosphere is isothermal: its speed of sound, √(κ g H), follows from its scale height
+    H, the planet's surface gravity g and its `specific_heat_ratio` κ (1.4 of air, 1.29 of CO₂).
+    """
+
+    model: Literal["us76", "exponential"]
+    density_factor: Number = Field(default=1.0, gt=0)  # on the model's density, nominal 1
+    surface_density: Number | None = Field(default=None, gt=0)
+    scale_height: u.Length | None = Field(default=None, gt=0)
+    specific_heat_ratio: Number | None = Field(default=None, gt=1)
+
+    @model_validator(mode="after")
+    def _exponential_is_complete(self) -> AtmosphereSection:
+        if self.model == "exponential" and (
+            self.surface_density is None or self.scale_height is None
+        ):
+            raise ValueError("exponential needs surface_density (kg/m³) and scale_height_m")
+        given = self.model_fields_set - {"model", "density_factor"}
+        if self.model == "us76" and given:
+            raise ValueError(f"us76 is complete in itself; remove {', '.join(sorted(given))}")
+        return self
+
+    def build(self, surface_gravity: float) -> Atmosphere:
+        """The physics object over a planet of `surface_gravity` (m/s²)."""
+        if self.surface_density is None or self.scale_height is None:
+            return StandardAtmosphere1976(density_factor=self.density_factor)
+        return ExponentialAtmosphere(
+            surface_density=self.surface_density,
+            scale_height=self.scale_height,
+            surface_gravity=surface_gravity,
+            specific_heat_ratio=self.specific_heat_ratio or SPECIFIC_HEAT_RATIO,
+            density_factor=self.density_factor,
+        )
+
+
+class ModifiedNewtonianSection(Section):
+    """C_N = normal_quadratic · sin²α + normal_linear · sin α; C_A = axial."""
+
+    model: Literal["modified_newtonian"]
+    normal_quadratic: Number
+    normal_linear: Number
+    axial: Number
+
+    def build(self) -> Aerodynamics:
+        """The physics object."""
+        return ModifiedNewtonian(**self.model_dump(exclude={"model"}))
+
+
+class PolynomialSection(Section):
+    """C_L = Σ lift[k] α^k (α in degrees), C_D = Σ drag[k] C_L^k."""
+
+    model: Literal["polynomial"]
+    lift: tuple[Number, ...]
+    drag: tuple[Number, ...]
+
+    def build(self) -> Aerodynamics:
+        """The physics object."""
+        return PolynomialDragPolar(lift=self.lift, drag=self.drag)
+
+
+class TableSection(Section):
+    """Rows over angle of attack, columns over Mach number."""
+
+    model: Literal["table"]
+    angle_of_attack: Annotated[tuple[Number, ...], Dimension("angle")]
+    mach: tuple[Number, ...]
+    lift: tuple[tuple[Number, ...], ...]
+    drag: tuple[tuple[Number, ...], ...]
+
+    def build(self) -> Aerodynamics:
+        """The physics object."""
+        return TabulatedAerodynamics(**self.model_dump(exclude={"model"}))
+
+
+class AngleOfAttackSection(Section):
+    """Two constant angles joined by a line or a parabola over time (s) or speed (m/s)."""
+
+    variable: Literal["time", "speed"]
+    shape: Literal["line", "parabola"] = "line"
+    start: Number
+    end: Number
+    start_angle: u.Angle
+    end_angle: u.Angle
+    smoothing: Number = Field(default=0.0, ge=0)  # in the variable's unit; rounds the kinks
+
+
+class VehicleSection(Section):
+    """Mass, reference area, heat-flux model, aerodynamics and angle-of-attack schedule."""
+
+    mass: u.Mass = Field(gt=0)
+    reference_area: u.Area = Field(gt=0)
+    heat_flux_constant: Number = Field(gt=0)
+    heat_flux_speed_exponent: Number = Field(default=3.0, ge=1, le=4)
+    load_factor: Literal["normal", "total"] = "normal"  # L cos α + D sin α, or √(L² + D²)
+    lift_factor: Number = Field(default=1.0, gt=0)  # on the model's lift coefficient, nominal 1
+    drag_factor: Number = Field(default=1.0, gt=0)  # on its drag coefficient, nominal 1
+    aerodynamics: Annotated[
+        ModifiedNewtonianSection | PolynomialSection | TableSection, Field(discriminator="model")
+    ]
+    angle_of_attack: AngleOfAttackSection
+
+    def build(self) -> Vehicle:
+        """The physics object."""
+        return Vehicle(
+            mass=self.mass,
+            reference_area=self.reference_area,
+            heat_flux_constant=self.heat_flux_constant,
+            heat_flux_speed_exponent=self.heat_flux_speed_exponent,
+            load_factor=self.load_factor,
+            lift_factor=self.lift_factor,
+            drag_factor=self.drag_factor,
+            aerodynamics=self.aerodynamics.build(),
+            angle_of_attack=AngleOfAttackSchedule(**self.angle_of_attack.model_dump()),
+        )
