@@ -36,6 +36,7 @@ from numpy.typing import NDArray
 
 from ampi.missions.loading import parse_mission
 from ampi.missions.mission import Mission, MissionError
+from ampi.physics.state import CONTROL_UNITS, STATE_UNITS
 from ampi.trajectory import Statistics, Status, Trajectory
 
 Array = NDArray[np.float64]
@@ -333,12 +334,13 @@ class Field:
     dtype: str = "f8"
 
 
-STATE_UNITS = "m rad rad m/s rad rad rad"
 FIELDS: dict[str, Field] = {
-    "states": Field(STATE_UNITS, "optimal states at the Radau nodes", ("state", "node")),
-    "bank_rate": Field("rad/s", "optimal bank rate at the Radau nodes", ("node",)),
+    "states": Field(" ".join(STATE_UNITS), "optimal states at the Radau nodes", ("state", "node")),
+    "bank_rate": Field(" ".join(CONTROL_UNITS), "optimal bank rate at the Radau nodes", ("node",)),
     "gains": Field(
-        "rad/s per unit of each state", "tracking gains at the Radau nodes", ("state", "node")
+        f"{CONTROL_UNITS[0]} per unit of each state",
+        "tracking gains at the Radau nodes",
+        ("state", "node"),
     ),
     "target_multipliers": Field(
         "cost per unit of each state", "multipliers of the target's rows", ("target",)

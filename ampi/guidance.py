@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from ampi.onboard.health import Health
 from ampi.onboard.plausibility import BANK, SANE, number, numbers
 from ampi.onboard.reference import Mode, Reference, ReferenceGenerator
+from ampi.onboard.row_layout import N_STATES
 from ampi.onboard.table import GuidanceTable
 from ampi.tracking.bank_limiter import NEAR_INVERTED, BankLimits, bank_on_turn, limited_rate
 from ampi.tracking.linear_quadratic import bank_rate_command
@@ -143,7 +144,7 @@ class Guidance:
         health = reference.health
         in_time = self._advance(number(time))
         ended = self._clock >= reference.final_time
-        x, rate = numbers(state, 7), number(bank_rate)
+        x, rate = numbers(state, N_STATES), number(bank_rate)
         # without any time the bank angle is held, as after the end
         now = self._clock if self._clock == self._clock else reference.final_time
         k, w = locate(reference.times, now)

@@ -11,12 +11,11 @@ from ampi.dataset import DatasetError, TrajectoryDataset, read_dataset
 from ampi.guidance import Guidance
 from ampi.missions.mission import mission_digest
 from ampi.onboard.reference import Mode
+from ampi.onboard.row_layout import LINEAR_TRACKING, RowKind
 from ampi.onboard.table import GuidanceTable, nearest_solved
 from ampi.tracking.bank_limiter import BankLimits
 
 Holes = Literal["refuse", "fly"]
-
-DIRECTIONS = {"longitude", "azimuth"}  # of entry, target and zones: the same modulo a turn
 
 
 def guidance_table(dataset: TrajectoryDataset, holes: Holes = "refuse") -> GuidanceTable:
@@ -42,7 +41,13 @@ def guidance_table(dataset: TrajectoryDataset, holes: Holes = "refuse") -> Guida
             f"{first}: {message.rstrip('.')}. A table with holes cannot fly unless it is asked to "
             "(holes='fly', --holes fly); or leave them out with: ampi crop"
         )
-    rows = np.concatenate([dataset.states, dataset.bank_rate[..., None, :], dataset.gains], axis=-2)
+    rows = LINEAR_TRACKING.stacked(
+        {
+            RowKind.STATE: dataset.states,
+            RowKind.CONTROL: dataset.bank_rate[..., None, :],
+            RowKind.GAIN: dataset.gains,
+        }
+    )
     final_time = dataset.final_time
     if len(missing):
         nearest = nearest_solved(dataset.axes, solved).ravel()
@@ -60,9 +65,7 @@ def guidance_table(dataset: TrajectoryDataset, holes: Holes = "refuse") -> Guida
             int(np.argmin(np.abs(axis - x))) for axis, x in zip(dataset.axes, nominal, strict=True)
         ),
         solved=solved if len(missing) else None,
-        circular=tuple(
-            i for i, name in enumerate(dataset.names) if DIRECTIONS & set(name.split("."))
-        ),
+        circular=tuple(i for i, p in enumerate(dataset.mission.parameters) if p.number.is_circular),
     )
 
 

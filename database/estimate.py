@@ -12,6 +12,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from ampi.missions.mission import Mission
+from ampi.onboard.row_layout import LINEAR_TRACKING
+from ampi.physics.state import CONTROLS, N_STATES
 from database.records.campaign import Campaign
 
 TOGETHER_SECONDS = (
@@ -19,8 +21,8 @@ TOGETHER_SECONDS = (
 )
 ALONE_SECONDS = 0.25  # for one that is solved by itself
 NODES = 64
-ROWS = 15  # of doubles at each node: states, bank rate, gains
-RECORDED_ROWS = 8  # states, bank rate
+ROWS = len(LINEAR_TRACKING)  # of doubles at each node
+RECORDED_ROWS = N_STATES + len(CONTROLS)
 FILE_SHARE = 0.95  # of the numbers, once they are compressed: their last digits are noise
 PAGE = 4096  # bytes that a file of the smallest size takes
 DRIVER_MEMORY = 130e6  # bytes

@@ -13,6 +13,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ampi.onboard.row_layout import LINEAR_TRACKING
+
 Array = NDArray[np.float64]
 
 TURN = 2.0 * np.pi
@@ -21,9 +23,11 @@ SANE = 1e12  # no input in SI units is larger; false for what is no number
 MARGIN = 0.5  # of the envelope's width, on each side
 NARROW = 0.2  # rad: an envelope of angles counts as at least that wide, a flight along a meridian …
 
-POSITIVE = [0, 3]  # altitude and speed: never below half of the table's least, if that is positive
-LATITUDE, BANK = 2, 6
-DIRECTIONS = [1, 5]  # longitude and azimuth: the same modulo a turn
+LATITUDE, BANK = map(LINEAR_TRACKING.index, ("latitude", "bank_angle"))
+# never below half of the table's least, if that is positive
+POSITIVE = [LINEAR_TRACKING.index(name) for name in ("altitude", "speed")]
+DIRECTIONS = [LINEAR_TRACKING.index(name) for name in ("longitude", "azimuth")]
+LEVEL_ANGLES = [*DIRECTIONS, LATITUDE, LINEAR_TRACKING.index("flight_path_angle")]
 
 
 def on_turn_of(angle: Any, reference: Any) -> Any:
@@ -68,7 +72,7 @@ class StateEnvelope:
         all_but_rows = (*range(states.ndim - 2), -1)
         least, greatest = states.min(axis=all_but_rows), states.max(axis=all_but_rows)
         width = greatest - least
-        width[[*DIRECTIONS, LATITUDE, 4]] = np.maximum(width[[*DIRECTIONS, LATITUDE, 4]], NARROW)
+        width[LEVEL_ANGLES] = np.maximum(width[LEVEL_ANGLES], NARROW)
         low, high = least - MARGIN * width, greatest + MARGIN * width
         for row in POSITIVE:
             if least[row] > 0.0:

@@ -6,7 +6,7 @@ t̃ = a + b t_f (Eq. (33), phase by phase)
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from enum import Enum
 
 import numpy as np
@@ -15,8 +15,9 @@ from numpy.typing import ArrayLike, NDArray
 from ampi.onboard.health import Health
 from ampi.onboard.interpolation import TensorProductInterpolator
 from ampi.onboard.plausibility import SANE, TURN, numbers, on_turn_of
+from ampi.onboard.row_layout import RowLayout
 from ampi.onboard.subspace import select_subspace
-from ampi.onboard.table import GAIN_ROWS, N_ROWS, RATE_ROW, STATE_ROWS, GuidanceTable
+from ampi.onboard.table import GuidanceTable
 
 Array = NDArray[np.float64]
 
@@ -46,9 +47,8 @@ class Reference:
     """The high-density reference; m points. Arrays are overwritten by the next entry: `copy`."""
 
     times: Array  # (m,), s since the entry interface
-    states: Array  # (7, m): h, θ, φ, V, γ, ψ, σ; SI, rad
-    bank_rate: Array  # (m,), rad/s
-    gains: Array  # (7, m): rate command = bank_rate − gains · (state − reference state)
+    rows: Array  # (r, m), the table's; SI, rad
+    layout: RowLayout  # of the rows
     final_time: float  # s
     cell: tuple[int, ...]  # first grid index on each axis
     clipped: tuple[bool, ...]  # axes on which p lies outside the hypercube
@@ -56,6 +56,17 @@ class Reference:
     hole: bool  # part of it is borrowed from the neighbour of a case without solution
     parameters: tuple[float, ...]  # the measured p, as it was given
     health: Health  # GOOD, or why this reference is not what was asked
+    # parts of `rows`
+    states: Array = field(init=False)  # (7, m): h, θ, φ, V, γ, ψ, σ
+    bank_rate: Array = field(init=False)  # (m,), rad/s
+    gains: Array = field(
+        init=False
+    )  # (7, m): command = bank_rate − gains · (state − its reference)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "states", self.rows[self.layout.states])
+        object.__setattr__(self, "bank_rate", self.rows[self.layout.bank_rate])
+        object.__setattr__(self, "gains", self.rows[self.layout.gains])
 
     @property
     def inside(self) -> bool:
@@ -64,19 +75,7 @@ class Reference:
 
     def copy(self) -> Reference:
         """A reference of its own memory."""
-        return Reference(
-            self.times.copy(),
-            self.states.copy(),
-            self.bank_rate.copy(),
-            self.gains.copy(),
-            self.final_time,
-            self.cell,
-            self.clipped,
-            self.excess,
-            self.hole,
-            self.parameters,
-            self.health,
-        )
+        return replace(self, times=self.times.copy(), rows=self.rows.copy())
 
 
 class ReferenceGenerator:
@@ -98,20 +97,20 @@ class ReferenceGenerator:
         self.table, self.mode = table, mode
         self._axes = [axis.tolist() for axis in table.axes]
         grid = tuple(len(axis) for axis in table.axes)
-        n, m = table.conversion.shape
+        (n, m), rows = table.conversion.shape, len(table.layout)
         # The final time rides along as one more column: one interpolation serves both.
-        packed = np.empty((*grid, N_ROWS * n + 1))
-        packed[..., :-1] = table.values.reshape(*grid, N_ROWS * n)
+        packed = np.empty((*grid, rows * n + 1))
+        packed[..., :-1] = table.values.reshape(*grid, rows * n)
         packed[..., -1] = table.final_time
         self._interpolator = TensorProductInterpolator(packed, _ORDER[mode])
         self._weights = np.zeros((len(grid), 3))
-        self._low = np.zeros((N_ROWS, n))
-        self._high = np.zeros((N_ROWS, m))
+        self._low = np.zeros((rows, n))
+        self._high = np.zeros((rows, m))
         self._times = np.zeros(m)
 
     @property
     def nodal_values(self) -> Array:
-        """Low-density rows (15, n) of the last reference, before the conversion."""
+        """Low-density rows (r, n) of the last reference, before the conversion."""
         return self._low
 
     def reference(self, parameters: ArrayLike) -> Reference:
@@ -137,9 +136,8 @@ class ReferenceGenerator:
         hole = table.solved is not None and self._in_a_hole(first, table.solved)
         return Reference(
             times=self._times,
-            states=self._high[STATE_ROWS],
-            bank_rate=self._high[RATE_ROW],
-            gains=self._high[GAIN_ROWS],
+            rows=self._high,
+            layout=table.layout,
             final_time=final_time,
             cell=tuple(first),
             clipped=tuple(clipped),

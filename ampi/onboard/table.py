@@ -1,8 +1,8 @@
 """The guidance table: what is loaded before flight and never changed.
 
-For each grid point of the parameter space the nodal values of 7 states, the bank rate and 7 tracking
-gains (15 rows), and the final time; besides, the LD→HD matrix of the mesh. Checked whole when it is
-built, on the ground: in flight nothing is left to refuse.
+For each grid point of the parameter space the nodal values of states, control and tracking gains (the
+rows of `row_layout`), and the final time; besides, the LD→HD matrix of the mesh. Checked whole when it
+is built, on the ground: in flight nothing is left to refuse.
 
 A hole is a grid point without an optimum of its own. A table that is to fly with holes holds there the
 rows of the nearest grid point that has one, and says so in `solved`: in the cells of a hole the
@@ -18,34 +18,31 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ampi.onboard.plausibility import StateEnvelope
+from ampi.onboard.row_layout import LINEAR_TRACKING, RowLayout
 
 Array = NDArray[np.float64]
-
-STATE_ROWS = slice(0, 7)
-RATE_ROW = 7
-GAIN_ROWS = slice(8, 15)
-N_ROWS = 15
 
 
 @dataclass(frozen=True, eq=False)
 class GuidanceTable:
-    """Arrays in SI and radians; d parameters, n low-density nodes, m high-density points."""
+    """Arrays in SI and radians; d parameters, r rows, n low-density nodes, m high-density points."""
 
     axes: tuple[Array, ...]  # d strictly increasing axes of p
-    values: Array  # (n_1 … n_d, 15, n)
+    values: Array  # (n_1 … n_d, r, n)
     final_time: Array  # (n_1 … n_d), s
     conversion: Array  # (n, m), P_FRP of Eq. (32)
     high_density_time: tuple[Array, Array]  # (a, b) of t = a + b t_f, each (m,)
     centre: tuple[int, ...]  # grid index of the nominal parameters
     solved: NDArray[np.bool_] | None = None  # (n_1 … n_d), false: a hole; None: there are none
     circular: tuple[int, ...] = ()  # axes of longitudes and azimuths: the same modulo a turn
+    layout: RowLayout = LINEAR_TRACKING  # of the rows
     envelope: StateEnvelope = field(init=False)  # of plausible navigation states
 
     def __post_init__(self) -> None:
         shape = tuple(len(axis) for axis in self.axes)
         n, m = self.conversion.shape
         expected = {
-            "values": (self.values.shape, (*shape, N_ROWS, n)),
+            "values": (self.values.shape, (*shape, len(self.layout), n)),
             "final_time": (self.final_time.shape, shape),
             "high_density_time": (
                 tuple(part.shape for part in self.high_density_time),
@@ -89,7 +86,8 @@ class GuidanceTable:
                     "guidance table: final times must be positive, and the times a + b t_f of the "
                     f"points increase strictly; with t_f = {final_time} they do not"
                 )
-        object.__setattr__(self, "envelope", StateEnvelope.of(self.values[..., STATE_ROWS, :]))
+        states = self.values[..., self.layout.states, :]
+        object.__setattr__(self, "envelope", StateEnvelope.of(states))
         for array in (*shared, self.values, self.final_time):
             array.setflags(write=False)
         if self.solved is not None:

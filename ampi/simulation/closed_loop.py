@@ -16,15 +16,15 @@ from numpy.typing import NDArray
 
 from ampi.guidance import Guidance
 from ampi.missions.family import MissionFamily
-from ampi.onboard.reference import Reference
+from ampi.onboard.row_layout import RowLayout
 from ampi.physics.equations_of_motion import FlightModel, equations_of_motion
+from ampi.physics.state import ALTITUDE, BANK, N_STATES, SPEED
 from ampi.tracking.bank_limiter import bank_on_turn, limited_rate
 from ampi.tracking.linear_quadratic import bank_rate_command
 
 Array = NDArray[np.float64]
 
 PLANT_STEP = 0.5  # s
-SPEED, ALTITUDE = 3, 0
 TOLERANCE = {SPEED: 1e-5, ALTITUDE: 1e-4}  # m/s, m: of the instant at which a flight ends
 SEARCH = 150  # steps to find it at the most: secants within a bracket, and bisections
 LONGEST = (
@@ -65,25 +65,25 @@ class FlightBatch:
 
 @dataclass(frozen=True, eq=False)
 class _StackedReferences:
-    """References of n flights: times (n, m), rows (n, 15, m)."""
+    """References of n flights: times (n, m), rows (n, r, m)."""
 
     times: Array
     rows: Array
+    layout: RowLayout
     final_time: Array
     clipped: NDArray[np.bool_]
     hole: NDArray[np.bool_]
 
     @classmethod
     def of(cls, guidance: Guidance, parameters: Array) -> _StackedReferences:
-        m = guidance.table.conversion.shape[1]
-        n = len(parameters)
-        times, rows, final = np.empty((n, m)), np.empty((n, 15, m)), np.empty(n)
+        n, m, layout = len(parameters), guidance.table.conversion.shape[1], guidance.table.layout
+        times, rows, final = np.empty((n, m)), np.empty((n, len(layout), m)), np.empty(n)
         clipped, hole = np.zeros(n, dtype=bool), np.zeros(n, dtype=bool)
         for i, measured in enumerate(parameters):
-            r: Reference = guidance.reference(measured)
-            times[i], final[i], clipped[i], hole[i] = r.times, r.final_time, not r.inside, r.hole
-            rows[i, :7], rows[i, 7], rows[i, 8:] = r.states, r.bank_rate, r.gains
-        return cls(times, rows, final, clipped, hole)
+            r = guidance.reference(measured)
+            times[i], rows[i], final[i] = r.times, r.rows, r.final_time
+            clipped[i], hole[i] = not r.inside, r.hole
+        return cls(times, rows, layout, final, clipped, hole)
 
 
 def fly_batch(
@@ -102,13 +102,16 @@ def _fly(
     entry_states, target_speed = family.entry_states, family.target("speed")
     references, limits = _StackedReferences.of(guidance, parameters), guidance.limits_at(parameters)
     flight = np.arange(n)
-    x = np.concatenate([entry_states.T, references.rows[:, 6, 0][None, :]])
-    rate, pointer = references.rows[:, 7, 0].copy(), np.zeros(n, dtype=np.intp)
-    final, final_time = np.full((n, 7), np.nan), np.full(n, np.nan)
+    x = np.concatenate([entry_states.T, references.rows[:, BANK, 0][None, :]])
+    rate, pointer = (
+        references.rows[:, references.layout.bank_rate, 0].copy(),
+        np.zeros(n, dtype=np.intp),
+    )
+    final, final_time = np.full((n, N_STATES), np.nan), np.full(n, np.nan)
     status = np.full(n, int(FlightStatus.TIME_LIMIT))
     peak = np.zeros((len(path_limits.names), n))
     finite = np.all(np.isfinite(parameters), axis=1) & np.all(np.isfinite(entry_states), axis=1)
-    flying = finite & (entry_states[:, 3] > target_speed)
+    flying = finite & (entry_states[:, SPEED] > target_speed)
     slow = finite & ~flying
     final[slow], final_time[slow] = x[:, slow].T, 0.0
     status[slow] = int(FlightStatus.STARTED_SLOW)
@@ -122,14 +125,14 @@ def _fly(
         time = step * cycle
         at, own_rate, gain = _look_up(references, flight, pointer, time)
         told = x.copy()
-        told[6] = bank_on_turn(limits, x[6], at[6])
+        told[BANK] = bank_on_turn(limits, x[BANK], at[BANK])
         tracked = bank_rate_command(told, at, own_rate, gain)
         wanted = np.where(guidance.table.envelope.holds(x), tracked, own_rate)
         wanted = np.where(time >= references.final_time, 0.0, wanted)
         if step % stride == 0:
             record.append(_snapshot(time, x, at, rate, flying))
         shortest = guidance.first_cycle[0] if step == 0 else cycle
-        reached = limited_rate(limits, told[6], rate, wanted, cycle, shortest)
+        reached = limited_rate(limits, told[BANK], rate, wanted, cycle, shortest)
         for part in range(parts):
             now, old = time + part * h, _between(rate, reached, part / parts)
             new = _between(rate, reached, (part + 1) / parts)
@@ -178,8 +181,8 @@ def _look_up(
     rows = (1.0 - w) * references.rows[flight, :, pointer] + w * references.rows[
         flight, :, pointer + 1
     ]
-    rows = rows.T
-    return rows[:7].copy(), rows[7], rows[8:]
+    rows, layout = rows.T, references.layout
+    return rows[layout.states].copy(), rows[layout.bank_rate], rows[layout.gains]
 
 
 def _rk4(
@@ -245,7 +248,7 @@ def _end(step: _Step, target_speed: float, left: float) -> tuple[Array, float, F
     passed, status = min(step.length, left), FlightStatus.TIME_LIMIT
     end = step.after(passed)
     if not np.all(np.isfinite(end)):
-        return np.full(7, np.nan), 0.0, FlightStatus.NOT_FINITE
+        return np.full(N_STATES, np.nan), 0.0, FlightStatus.NOT_FINITE
     for row, level, reached in (
         (SPEED, target_speed, FlightStatus.REACHED_SPEED),
         (ALTITUDE, 0.0, FlightStatus.GROUND),  # before the speed was reached

@@ -28,6 +28,7 @@ from ampi.missions.path_limits import KEPT
 from ampi.onboard.reference import Mode
 from ampi.outputs import written
 from ampi.physics.planet import bearing, great_circle_distance
+from ampi.physics.state import N_STATES
 from ampi.simulation.closed_loop import FlightBatch, FlightStatus, fly_batch
 from ampi.simulation.dispersions import Dispersions, Distribution
 from ampi.workers.job import JobError, finished
@@ -91,9 +92,9 @@ class Flights:
                 ("clipped", "hole", "status", "final_time", "miss", "along", "across"), (n,)
             ),
             **dict.fromkeys(("altitude_error", "speed_error"), (n,)),
-            "final_states": (n, 7),
+            "final_states": (n, N_STATES),
             "times": (k,),
-            **dict.fromkeys(("states", "reference_states"), (n, 7, k)),
+            **dict.fromkeys(("states", "reference_states"), (n, N_STATES, k)),
             "bank_rate": (n, k),
             "path": (n, limits, k),
             "peak": (n, limits),

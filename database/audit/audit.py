@@ -30,7 +30,7 @@ from ampi.missions.family import MissionFamily
 from ampi.missions.mission import Mission
 from ampi.missions.path_limits import PathLimits
 from ampi.onboard.reference import Mode, ReferenceGenerator
-from ampi.onboard.table import RATE_ROW, STATE_ROWS, GuidanceTable
+from ampi.onboard.table import GuidanceTable
 from ampi.physics.planet import great_circle_distance
 from ampi.propagation import reintegrate_many
 from ampi.scp.solve import optimum
@@ -180,10 +180,9 @@ def audit(
 
 def _fly_again(dataset: TrajectoryDataset, notify: Callable[[int], None]) -> PerCase:
     mission = dataset.mission
-    n = dataset.states.shape[-1]
     points = Grid.from_mission(mission).points()
     good = np.flatnonzero(dataset.solved.ravel())
-    states = dataset.states.reshape(-1, 7, n)[good]
+    states = dataset.states.reshape(-1, *dataset.states.shape[-2:])[good]
     final_time = dataset.final_time.ravel()[good]
     errors, peak = np.zeros((3, len(good))), np.zeros((len(good), dataset.peak.shape[-1]))
     for i in range(0, len(good), CHUNK):
@@ -274,7 +273,7 @@ def _probe_point(mission: Mission, table: GuidanceTable, point: Array) -> dict[s
         errors[mode.value] = (
             np.full(len(COLUMNS), np.nan)
             if made.hole
-            else _errors(here, truth, generator.nodal_values[STATE_ROWS], made.final_time)
+            else _errors(here, truth, generator.nodal_values[table.layout.states], made.final_time)
         )
     return errors
 
@@ -283,8 +282,8 @@ def nodal_reference(table: GuidanceTable, mode: Mode, point: Array) -> tuple[Arr
     """Interpolated nodal states (7, n), bank rate (n,) and final time, before LD→HD."""
     generator = ReferenceGenerator(table, mode)
     final_time = generator.reference(point).final_time
-    low = generator.nodal_values
-    return low[STATE_ROWS].copy(), low[RATE_ROW].copy(), final_time
+    low, layout = generator.nodal_values, table.layout
+    return low[layout.states].copy(), low[layout.bank_rate].copy(), final_time
 
 
 def _errors(mission: Mission, truth: Trajectory, states: Array, final_time: float) -> Array:

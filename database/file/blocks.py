@@ -109,7 +109,7 @@ def assemble(
     nodes say, or exceeds a limit, is none: its status is `INACCURATE`, and its errors tell why.
     """
     mesh, grid = mission.pseudospectral_mesh, Grid.from_mission(mission)
-    cases, n = len(records), mesh.n_nodes
+    cases = len(records)
     status = np.array([int(r.trajectory.status) for r in records])
     messages = [r.message for r in records]
     states = np.stack([r.trajectory.states for r in records])
@@ -134,7 +134,7 @@ def assemble(
     good = status == int(Status.SOLVED)
     for array in (states, rate, final_time):
         array[~good] = np.nan
-    gains = np.full((cases, 7, n), np.nan)
+    gains = np.full_like(states, np.nan)
     if good.any():
         family = mission.family(
             [grid.point(r.case) for r, ok in zip(records, good, strict=True) if ok]

@@ -10,7 +10,8 @@ import pytest
 
 import ampi
 from ampi.onboard.reference import Mode, ReferenceGenerator
-from ampi.onboard.table import N_ROWS, GuidanceTable
+from ampi.onboard.row_layout import LINEAR_TRACKING
+from ampi.onboard.table import GuidanceTable
 from ampi.scp.condensed.iterate import Flight, RestorationSettings
 from ampi.scp.guess import from_trajectory
 from ampi.scp.problem.scaled_problem import OptimalControlProblem
@@ -27,7 +28,7 @@ def table() -> GuidanceTable:
     conversion /= conversion.sum(axis=0)
     return GuidanceTable(
         axes=axes,
-        values=rng.normal(size=(*(3,) * 6, N_ROWS, 64)),
+        values=rng.normal(size=(*(3,) * 6, len(LINEAR_TRACKING), 64)),
         final_time=rng.uniform(600.0, 700.0, size=(3,) * 6),
         conversion=conversion,
         high_density_time=(np.zeros(601), np.linspace(0.0, 1.0, 601)),

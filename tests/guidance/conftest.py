@@ -13,7 +13,8 @@ from ampi.guidance import Guidance
 from ampi.loading import load_guidance
 from ampi.missions.loading import load_mission, parse_mission
 from ampi.missions.mission import Mission
-from ampi.onboard.table import GAIN_ROWS, N_ROWS, RATE_ROW, STATE_ROWS, GuidanceTable
+from ampi.onboard.row_layout import LINEAR_TRACKING
+from ampi.onboard.table import GuidanceTable
 from ampi.tracking.bank_limiter import BankLimits
 
 Array = NDArray[np.float64]
@@ -49,10 +50,10 @@ def synthetic() -> Guidance:
     rng = np.random.default_rng(11)
     axes = tuple(np.linspace(-1.0, 1.0, n) for n in (3, 2, 3, 2, 3, 3))
     shape = tuple(len(axis) for axis in axes)
-    values = rng.standard_normal((*shape, N_ROWS, 5))
-    values[..., STATE_ROWS, :] *= SIZES[:, None]
-    values[..., RATE_ROW, :] *= 0.02
-    values[..., GAIN_ROWS, :] *= 0.01 / SIZES[:, None]
+    values = rng.standard_normal((*shape, len(LINEAR_TRACKING), 5))
+    values[..., LINEAR_TRACKING.states, :] *= SIZES[:, None]
+    values[..., LINEAR_TRACKING.bank_rate, :] *= 0.02
+    values[..., LINEAR_TRACKING.gains, :] *= 0.01 / SIZES[:, None]
     nodes, points = np.linspace(-1.0, 1.0, 5), np.linspace(-1.0, 1.0, 41)
     conversion = np.ones((5, 41))
     for i in range(5):

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from ampi.guidance import Guidance, Health
 from ampi.missions.mission import Mission
 from ampi.onboard.reference import Mode, Reference
-from ampi.onboard.table import STATE_ROWS
+from ampi.onboard.row_layout import LINEAR_TRACKING
 from ampi.simulation.closed_loop import FlightStatus, fly_batch
 from ampi.tracking.bank_limiter import BankLimits, bank_on_turn
 
@@ -340,7 +340,7 @@ def test_a_simulated_flight_out_of_the_envelope_is_that_of_the_commands(
 def test_the_envelope_is_half_a_width_wider_and_bounds_what_is_positive(
     synthetic: Guidance, loaded: Guidance
 ) -> None:
-    states, envelope = loaded.table.values[..., STATE_ROWS, :], loaded.table.envelope
+    states, envelope = loaded.table.values[..., LINEAR_TRACKING.states, :], loaded.table.envelope
     least, greatest = states.min(axis=(0, 1, 3)), states.max(axis=(0, 1, 3))
     width = np.maximum(greatest - least, [0.0, 0.2, 0.2, 0.0, 0.2, 0.2, 0.0])
     high = greatest + 0.5 * width

@@ -11,6 +11,7 @@ import pytest
 from ampi.dataset import DatasetError, read_dataset
 from ampi.guidance import Guidance
 from ampi.loading import guidance_table, load_guidance
+from ampi.missions.loading import load_mission, parse_mission
 from ampi.missions.mission import Mission
 from ampi.onboard.reference import Mode
 from ampi.tracking.bank_limiter import BankLimits
@@ -23,9 +24,9 @@ def test_every_vertex_of_the_table_is_its_optimum(database_file: Path, loaded: G
         index = np.unravel_index(case, dataset.shape)
         optimum = dataset.trajectory(case)
         values = table.values[index]
-        assert np.array_equal(values[:7], optimum.states)
-        assert np.array_equal(values[7], optimum.bank_rate)
-        assert np.array_equal(values[8:], dataset.gains[index])
+        assert np.array_equal(values[table.layout.states], optimum.states)
+        assert np.array_equal(values[table.layout.bank_rate], optimum.bank_rate)
+        assert np.array_equal(values[table.layout.gains], dataset.gains[index])
         assert table.final_time[index] == optimum.final_time
         measured = [axis[i] for axis, i in zip(table.axes, index, strict=True)]
         assert values[[3, 4], 0] == pytest.approx(measured, rel=1e-12)
@@ -128,13 +129,19 @@ def test_what_to_do_with_holes_is_one_of_two_words(database_file: Path) -> None:
 
 def test_longitudes_and_azimuths_among_the_axes_are_circular(database_file: Path) -> None:
     dataset = read_dataset(database_file)
-    for names, circular in (
-        (("speed", "azimuth"), (1,)),
-        (("longitude", "target.longitude"), (0, 1)),
-        (("target.azimuth.0", "no_fly_zone.1.longitude"), (0, 1)),
-        (("latitude", "target.longitude_weight"), ()),
+    zone = "[[no_fly_zone]]\nlongitude_deg = 0.0\nlatitude_deg = 0.0\nradius_km = 100.0\n"
+    text = load_mission("shefex3").toml
+    text = text[: text.index("[grid]")].replace("[limits]", "azimuth_deg = -90.0\n[limits]") + zone
+    for keys, circular in (
+        (("speed_m_per_s", "azimuth_deg"), (1,)),
+        (("longitude_deg", "target.longitude_deg"), (0, 1)),
+        (("target.azimuth_deg", "no_fly_zone.0.longitude_deg"), (0, 1)),
+        (("latitude_deg", "objective.longitude_weight_per_deg2"), ()),
+        (("limits.bank_angle_deg", "no_fly_zone.0.latitude_deg"), ()),
     ):
-        assert guidance_table(replace(dataset, names=names)).circular == circular
+        axes = "".join(f'"{key}" = [-0.1, 0.0, 0.1]\n' for key in keys)
+        mission = parse_mission(f"{text}[grid]\n{axes}")
+        assert guidance_table(replace(dataset, mission=mission)).circular == circular
 
 
 def test_the_cycle_is_stated_or_the_nominal_one(database_file: Path) -> None:

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from ampi.onboard.table import N_ROWS, GuidanceTable
+from ampi.onboard.row_layout import LINEAR_TRACKING
+from ampi.onboard.table import GuidanceTable
 from ampi.pseudospectral.mesh import Mesh, Phase
 
 Array = NDArray[np.float64]
@@ -30,7 +31,7 @@ def synthetic_table(
     free = np.concatenate([np.zeros(10), fraction])
     return GuidanceTable(
         axes=axes,
-        values=rng.standard_normal((*shape, N_ROWS, MESH.n_nodes)),
+        values=rng.standard_normal((*shape, len(LINEAR_TRACKING), MESH.n_nodes)),
         final_time=rng.uniform(90.0, 110.0, shape),
         conversion=np.ascontiguousarray(MESH.conversion(fixed + free * 100.0, 100.0).T),
         high_density_time=(fixed, free),

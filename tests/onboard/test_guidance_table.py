@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from ampi.onboard.table import GAIN_ROWS, N_ROWS, RATE_ROW, STATE_ROWS, GuidanceTable
+from ampi.onboard.table import GuidanceTable
 
 TableMaker = Callable[..., GuidanceTable]
 
@@ -22,14 +22,6 @@ def unlocked(table: GuidanceTable, name: str) -> Any:
 
 
 # --- laws -----------------------------------------------------------------------------------------
-
-
-def test_the_rows_are_a_partition() -> None:
-    names = ["?"] * N_ROWS
-    for name, where in [("state", STATE_ROWS), ("gain", GAIN_ROWS)]:
-        names[where] = [name] * len(names[where])
-    names[RATE_ROW] = "rate"
-    assert names == ["state"] * 7 + ["rate"] + ["gain"] * 7
 
 
 @settings(deadline=None, max_examples=30)
@@ -48,7 +40,7 @@ def test_corners_and_nominal_are_subtables(
         assert got.tolist() == sorted({axis[0], axis[-1]})
     nominal = table.nominal()
     assert nominal.final_time.shape == (1,) * 6
-    assert np.array_equal(nominal.values.reshape(N_ROWS, -1), table.values[centre])
+    assert np.array_equal(nominal.values.reshape(len(table.layout), -1), table.values[centre])
     assert nominal.final_time.item() == table.final_time[centre]
     assert [a.item() for a in nominal.axes] == [a[i] for a, i in zip(axes, centre, strict=True)]
     for other in (corners, nominal):

@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 from scipy.interpolate import RegularGridInterpolator
 
 from ampi.onboard.reference import Mode, Reference, ReferenceGenerator
-from ampi.onboard.table import N_ROWS, GuidanceTable
+from ampi.onboard.row_layout import LINEAR_TRACKING
+from ampi.onboard.table import GuidanceTable
 from ampi.pseudospectral.mesh import Mesh, Phase
 from database.file.writer import high_density_times
 
@@ -64,7 +65,7 @@ def test_conversion_and_times_are_those_of_the_paper(share: list[float], seed: i
     axes = tuple(np.array([0.0, 1.0]) for _ in range(6))
     table = GuidanceTable(
         axes=axes,
-        values=rng.standard_normal((2,) * 6 + (N_ROWS, 7)),
+        values=rng.standard_normal((2,) * 6 + (len(LINEAR_TRACKING), 7)),
         final_time=rng.uniform(400.0, 600.0, (2,) * 6),
         conversion=mesh.conversion(fixed + free * 500.0, 500.0).T.copy(),
         high_density_time=(fixed, free),

@@ -13,7 +13,8 @@ from ampi.missions.family import MissionFamily
 from ampi.missions.loading import load_mission
 from ampi.missions.mission import Mission
 from ampi.onboard.reference import Mode
-from ampi.onboard.table import GAIN_ROWS, GuidanceTable
+from ampi.onboard.row_layout import LINEAR_TRACKING
+from ampi.onboard.table import GuidanceTable
 from ampi.scp.solve import solve
 from ampi.tracker_design.riccati_gains import GainSettings, vertex_gains
 from ampi.tracking.bank_limiter import BankLimits
@@ -73,5 +74,5 @@ def tracked(mission: Mission, nominal: Trajectory, gains: Array) -> Guidance:
 def untracked(tracked: Guidance) -> Guidance:
     """The same reference flown in open loop: no gains."""
     values = tracked.table.values.copy()
-    values[..., GAIN_ROWS, :] = 0.0
+    values[..., LINEAR_TRACKING.gains, :] = 0.0
     return Guidance(replace(tracked.table, values=values), tracked.limits, Mode.NOMINAL)

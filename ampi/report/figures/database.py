@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from ampi.missions.family import MissionFamily
 from ampi.missions.mission import Mission
 from ampi.onboard.reference import Mode
-from ampi.onboard.table import RATE_ROW, STATE_ROWS, GuidanceTable
+from ampi.onboard.table import GuidanceTable
 from ampi.report.figures.ground_track import (
     TrackBundle,
     draw_ground_tracks,
@@ -63,8 +63,8 @@ class HighDensityDatabase:
         rows = rows[own]
         return cls(
             times=fixed + free * table.final_time.ravel()[own, None],
-            states=(rows[:, STATE_ROWS] @ table.conversion).transpose(1, 0, 2),
-            bank_rate=rows[:, RATE_ROW] @ table.conversion,
+            states=(rows[:, table.layout.states] @ table.conversion).transpose(1, 0, 2),
+            bank_rate=rows[:, table.layout.bank_rate] @ table.conversion,
             nominal=int(np.count_nonzero(own[:centre])),
         )
 
