@@ -55,7 +55,7 @@ class Reintegration:
 def reintegrate(mission: Mission, trajectory: Trajectory) -> Reintegration:
     """Re-integrate one trajectory."""
     return reintegrate_many(
-        MissionFamily((mission,)),
+        MissionFamily.of([mission]),
         trajectory.mesh,
         trajectory.states[None],
         np.array([trajectory.final_time]),
@@ -67,7 +67,7 @@ def flown_again(mission: Mission, trajectory: Trajectory) -> Trajectory:
     if not (trajectory.status.converged and np.all(np.isfinite(trajectory.states))):
         return trajectory
     states, final_time = trajectory.states[None], np.array([trajectory.final_time])
-    (flight,) = flight_checks(MissionFamily((mission,)), trajectory.mesh, states, final_time)
+    (flight,) = flight_checks(MissionFamily.of([mission]), trajectory.mesh, states, final_time)
     return trajectory.judged_by(flight)
 
 
@@ -83,8 +83,8 @@ def flight_checks(
         if len(states) == 1:
             return [FlightCheck(np.inf, np.inf, np.inf, dict.fromkeys(names, np.inf))]
         return [
-            flight_checks(MissionFamily((one,)), mesh, x[None], np.array([t]))[0]
-            for one, x, t in zip(family.missions, states, final_time, strict=True)
+            flight_checks(family.take([k]), mesh, states[[k]], final_time[[k]])[0]
+            for k in range(len(states))
         ]
     return [
         FlightCheck(

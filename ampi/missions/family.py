@@ -1,72 +1,113 @@
-"""One mission at many parameter vectors, for what works on many cases at once.
+"""Many missions of one structure: a mission whose numbers are arrays over its cases.
 
-The physics is written in numpy ufuncs, so a number of the flight model may as well be an array over the
-cases. `MissionFamily` makes one flight model of the family's many: where its members agree, the number;
-where they differ, an array. A family that differs in its entry states alone has the plain model.
+The physics is written in numpy ufuncs, so a number of a mission may as well be an array. A family is one
+mission and, for some of its numbers, a column of values. Where a column holds one value throughout,
+the number stays a number: a family that differs in its entry states alone has the plain flight model.
 """
 
 from __future__ import annotations
 
-from copy import copy
-from dataclasses import dataclass, fields, is_dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 from typing import Any, Generic, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
+from ampi.missions.parameters import Path, at, with_numbers
 from ampi.missions.path_limits import PathLimits
 from ampi.missions.sections import MissionSections
+from ampi.missions.units import Section
 from ampi.physics.equations_of_motion import FlightModel
+from ampi.physics.state import ENTRY_STATES
 
 Array = NDArray[np.float64]
 AnyMission = TypeVar("AnyMission", bound=MissionSections)
 
+NOT_FLOWN = ("name", "title", "grid")  # of a mission: they may differ in a family
+
 
 @dataclass(frozen=True)
 class MissionFamily(Generic[AnyMission]):
-    """c missions that differ in numbers only."""
+    """c missions: `mission` with its numbers at `paths` moved to a row of `values` (c, d; SI, rad)."""
 
-    missions: tuple[AnyMission, ...]
+    mission: AnyMission
+    paths: tuple[Path, ...]
+    values: Array
+
+    @classmethod
+    def of(cls, missions: Sequence[AnyMission]) -> MissionFamily[AnyMission]:
+        """The family of these missions.
+
+        Raises
+        ------
+        TypeError
+            If they differ in more than numbers.
+        """
+        first = missions[0]
+        paths = tuple(dict.fromkeys(p for other in missions for p in _differences(first, other)))
+        values = np.array([[at(one, path) for path in paths] for one in missions], dtype=float)
+        return cls(first, paths, values.reshape(len(missions), len(paths)))
+
+    def __len__(self) -> int:
+        return len(self.values)
+
+    def take(self, indices: ArrayLike) -> MissionFamily[AnyMission]:
+        """Those of its cases."""
+        return replace(self, values=self.values[np.asarray(indices)])
+
+    def member(self, case: int) -> AnyMission:
+        """One mission, unchecked: its numbers may stem from a measurement."""
+        return with_numbers(self.mission, zip(self.paths, self.values[case].tolist(), strict=True))
+
+    def numbers(self, path: Path, trailing: int = 0) -> Any:
+        """A number of the mission: itself, or where the cases differ (c,) with `trailing` axes of 1."""
+        return at(self._over_cases(trailing), path)
 
     @property
     def entry_states(self) -> Array:
         """(c, 6): h, θ, φ, V, γ, ψ (m, rad, m/s)."""
-        return np.array([mission.entry_state for mission in self.missions]).reshape(-1, 6)
+        states = [self.numbers(("entry", name)) for name in ENTRY_STATES]
+        return np.stack([np.broadcast_to(state, len(self)) for state in states], axis=1)
 
     def target(self, name: str) -> Array:
         """(c,): a number of the target (SI, rad)."""
-        return np.array([getattr(mission.target, name) for mission in self.missions])
+        return np.full(len(self), self.numbers(("target", name)))
 
     def flight_model(self, trailing: int = 0) -> FlightModel:
         """The family's flight model; its arrays are (c,) with `trailing` axes of one point behind."""
-        models = [mission.flight_model for mission in self.missions]
-        joined: FlightModel = _joined(models, (len(models), *[1] * trailing))
-        return joined
+        return self._over_cases(trailing).flight_model
 
     def path_limits(self, trailing: int = 0) -> PathLimits:
         """The family's limits, of the same shapes."""
-        limits = [PathLimits.of(mission) for mission in self.missions]
-        joined: PathLimits = _joined(limits, (len(limits), *[1] * trailing))
-        return joined
+        return PathLimits.of(self._over_cases(trailing))
+
+    def _over_cases(self, trailing: int) -> AnyMission:
+        """The mission with its numbers as arrays."""
+        shape = (len(self), *[1] * trailing)
+        columns: list[Any] = [
+            float(column[0]) if len(self) and np.all(column == column[0]) else column.reshape(shape)
+            for column in self.values.T
+        ]
+        return with_numbers(self.mission, zip(self.paths, columns, strict=True))
 
 
-def _joined(values: list[Any], shape: tuple[int, ...]) -> Any:
-    """`values` as one: themselves where all are alike, arrays where numbers differ."""
-    first = values[0]
-    if all(value is first for value in values):
-        return first
-    if isinstance(first, np.ndarray):  # what a model has worked out of its numbers
-        return np.stack(values, axis=-1).reshape(*first.shape, *shape)
-    if not isinstance(first, tuple) and all(value == first for value in values):
-        return first
-    if isinstance(first, float):
-        return np.array(values).reshape(shape)
-    if isinstance(first, tuple):
-        return tuple(_joined(list(column), shape) for column in zip(*values, strict=True))
-    if not is_dataclass(first):
-        raise TypeError(f"expected missions that differ in numbers only, got {first!r}")
-    one = copy(first)  # past __post_init__: every member has passed its checks
-    for field in fields(first):
-        parts = [getattr(value, field.name) for value in values]
-        object.__setattr__(one, field.name, _joined(parts, shape))
-    return one
+def _differences(one: Any, other: Any, path: Path = ()) -> Iterator[Path]:
+    """Paths of the numbers in which `other` is not `one`."""
+    if one is other:
+        return
+    if isinstance(one, Section) and type(one) is type(other):
+        for name in type(one).model_fields:
+            if path or name not in NOT_FLOWN:
+                yield from _differences(getattr(one, name), getattr(other, name), (*path, name))
+    elif isinstance(one, tuple) and isinstance(other, tuple) and len(one) == len(other):
+        for i, pair in enumerate(zip(one, other, strict=True)):
+            yield from _differences(*pair, (*path, str(i)))
+    elif isinstance(one, float) and isinstance(other, float):
+        if one != other:
+            yield path
+    elif one != other:
+        raise TypeError(
+            f"missions: expected some that differ in numbers only, got {'.'.join(path)} = {one!r} and "
+            f"{other!r}; solve them one by one"
+        )

@@ -13,12 +13,7 @@ from pydantic import Field, model_validator
 
 from ampi.missions.agreement import disagreements
 from ampi.missions.family import MissionFamily
-from ampi.missions.parameters import (
-    Parameter,
-    moved,
-    parameter_values,
-    resolve,
-)
+from ampi.missions.parameters import Parameter, Path, parameter_values, resolve, with_numbers
 from ampi.missions.sections import (
     MODEL_SECTIONS,
     MeshSection,
@@ -62,7 +57,9 @@ class Mission(MissionSections):
                     "some are lost in its rounding"
                 )
             for offset in (o for o in parameter.offsets if o != 0.0 and sentence is None):
-                there = self._moved([(number.path, number.nominal + offset * number.per_unit)])
+                there = with_numbers(
+                    self, [(number.path, number.nominal + offset * number.per_unit)]
+                )
                 faults = number.faults(there) or disagreements(there)
                 if faults:
                     sentence = f"at offset {offset:g}: {faults[0]}"
@@ -86,36 +83,31 @@ class Mission(MissionSections):
         return np.array([parameter.number.nominal for parameter in self.parameters])
 
     def with_parameters(self, values: ArrayLike) -> Mission:
-        """The same mission at another p (d,), SI and radians, in the order of `parameters`."""
-        given = parameter_values(self.parameters, values)
-        paths = [parameter.number.path for parameter in self.parameters]
-        return self._moved(list(zip(paths, given.tolist(), strict=True)))
+        """The same mission at another p (d,), SI and radians, in the order of `parameters`.
 
-    def family(self, values: ArrayLike) -> MissionFamily:
+        Its numbers are not checked: they may stem from a measurement.
+        """
+        given = parameter_values(self.parameters, values)
+        return with_numbers(self, zip(self._parameter_paths, given.tolist(), strict=True))
+
+    def family(self, values: ArrayLike) -> MissionFamily[Mission]:
         """The mission at n vectors p (n, d), of any numbers whatever, for what works on many."""
-        rows = np.asarray(values, dtype=float)
-        paths = [parameter.number.path for parameter in self.parameters]
+        rows, paths = np.asarray(values, dtype=float), self._parameter_paths
         if rows.ndim != 2 or rows.shape[1] != len(paths):
             raise ValueError(f"values: expected shape (n, {len(paths)}), got {rows.shape}")
-        return MissionFamily(
-            tuple(self._moved(list(zip(paths, row, strict=True))) for row in rows.tolist())
-        )
+        return MissionFamily(self, paths, rows)
+
+    @property
+    def _parameter_paths(self) -> tuple[Path, ...]:
+        return tuple(parameter.number.path for parameter in self.parameters)
 
     def with_entry(self, entry_state: ArrayLike) -> Mission:
-        """The same mission from another entry state (h, θ, φ, V, γ, ψ; m, rad, m/s)."""
+        """The same mission from another entry state (h, θ, φ, V, γ, ψ; m, rad, m/s), measured or not."""
         values = np.asarray(entry_state, dtype=float)
         if values.shape != (6,) or not np.all(np.isfinite(values)):
             raise ValueError(f"entry_state: expected 6 finite numbers {ENTRY_STATES}, got {values}")
         paths = [("entry", name) for name in ENTRY_STATES]
-        return self._moved(list(zip(paths, values.tolist(), strict=True)))
-
-    def _moved(self, values: list[tuple[tuple[str, ...], float]]) -> Mission:
-        """A copy with other numbers (SI), unchecked: they may stem from a measurement."""
-        sections: dict[str, Any] = {}
-        for path, value in values:
-            section = sections.get(path[0], getattr(self, path[0]))
-            sections[path[0]] = moved(section, path[1:], value)
-        return self.model_copy(update=sections)
+        return with_numbers(self, zip(paths, values.tolist(), strict=True))
 
     def with_mesh(self, mesh: Mesh) -> Mission:
         """The same mission on another pseudospectral mesh."""

@@ -53,10 +53,12 @@ class PlanetSection(Section):
             return WGS84
         return Planet(
             equatorial_radius=self.radius,
-            gravitational_parameter=self.surface_gravity * self.radius**2,
+            gravitational_parameter=self.surface_gravity * (self.radius * self.radius),
             j2=0.0,
-            rotation_rate=self.rotation_rate or 0.0,
-            load_factor_gravity=self.load_factor_gravity or self.surface_gravity,
+            rotation_rate=0.0 if self.rotation_rate is None else self.rotation_rate,
+            load_factor_gravity=self.surface_gravity
+            if self.load_factor_gravity is None
+            else self.load_factor_gravity,
         )
 
 
@@ -92,7 +94,9 @@ class AtmosphereSection(Section):
             surface_density=self.surface_density,
             scale_height=self.scale_height,
             surface_gravity=surface_gravity,
-            specific_heat_ratio=self.specific_heat_ratio or SPECIFIC_HEAT_RATIO,
+            specific_heat_ratio=SPECIFIC_HEAT_RATIO
+            if self.specific_heat_ratio is None
+            else self.specific_heat_ratio,
             density_factor=self.density_factor,
         )
 
@@ -107,7 +111,11 @@ class ModifiedNewtonianSection(Section):
 
     def build(self) -> Aerodynamics:
         """The physics object."""
-        return ModifiedNewtonian(**self.model_dump(exclude={"model"}))
+        return ModifiedNewtonian(
+            normal_quadratic=self.normal_quadratic,
+            normal_linear=self.normal_linear,
+            axial=self.axial,
+        )
 
 
 class PolynomialSection(Section):
@@ -133,7 +141,9 @@ class TableSection(Section):
 
     def build(self) -> Aerodynamics:
         """The physics object."""
-        return TabulatedAerodynamics(**self.model_dump(exclude={"model"}))
+        return TabulatedAerodynamics(
+            angle_of_attack=self.angle_of_attack, mach=self.mach, lift=self.lift, drag=self.drag
+        )
 
 
 class AngleOfAttackSection(Section):
@@ -146,6 +156,18 @@ class AngleOfAttackSection(Section):
     start_angle: u.Angle
     end_angle: u.Angle
     smoothing: Number = Field(default=0.0, ge=0)  # in the variable's unit; rounds the kinks
+
+    def build(self) -> AngleOfAttackSchedule:
+        """The physics object."""
+        return AngleOfAttackSchedule(
+            variable=self.variable,
+            shape=self.shape,
+            start=self.start,
+            end=self.end,
+            start_angle=self.start_angle,
+            end_angle=self.end_angle,
+            smoothing=self.smoothing,
+        )
 
 
 class VehicleSection(Section):
@@ -174,5 +196,5 @@ class VehicleSection(Section):
             lift_factor=self.lift_factor,
             drag_factor=self.drag_factor,
             aerodynamics=self.aerodynamics.build(),
-            angle_of_attack=AngleOfAttackSchedule(**self.angle_of_attack.model_dump()),
+            angle_of_attack=self.angle_of_attack.build(),
         )

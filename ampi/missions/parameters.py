@@ -17,7 +17,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from difflib import get_close_matches
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -165,17 +165,44 @@ def resolve(mission: BaseModel, grid: Mapping[str, tuple[float, ...]]) -> tuple[
     return parameters
 
 
-def moved(section: Any, path: Path, value: float) -> Any:
-    """`section` with `value` (SI) at `path`, unchecked; it shares all that stays, itself included."""
-    if not path:
-        return (value, value) if isinstance(section, tuple) else value  # a range of one number
-    if isinstance(section, tuple):
-        i = int(path[0])
-        return (*section[:i], moved(section[i], path[1:], value), *section[i + 1 :])
-    before = getattr(section, path[0])
-    after = moved(before, path[1:], value)
-    same = after is before or (isinstance(before, float | tuple) and after == before)
-    return section if same else section.model_copy(update={path[0]: after})
+AnySection = TypeVar("AnySection", bound=BaseModel)
+
+
+def at(section: Any, path: Path) -> Any:
+    """The number at `path`; of a range of one number, that number."""
+    for part in path:
+        section = section[int(part)] if isinstance(section, tuple) else getattr(section, part)
+    return section[0] if isinstance(section, tuple) else section
+
+
+def with_numbers(section: AnySection, numbers: Iterable[tuple[Path, Any]]) -> AnySection:
+    """`section` with other `numbers` (SI; floats, or arrays over cases) at their paths, unchecked.
+
+    It shares all that stays, itself included.
+    """
+    below: dict[str, list[tuple[Path, Any]]] = {}
+    for path, number in numbers:
+        below.setdefault(path[0], []).append((path[1:], number))
+    parts = {name: (getattr(section, name), given) for name, given in below.items()}
+    after = {name: _moved(before, given) for name, (before, given) in parts.items()}
+    update = {name: value for name, value in after.items() if value is not parts[name][0]}
+    return section.model_copy(update=update) if update else section
+
+
+def _moved(value: Any, numbers: list[tuple[Path, Any]]) -> Any:
+    """A field with other numbers below it; itself if they are its own."""
+    if isinstance(value, BaseModel):
+        return with_numbers(value, numbers)
+    for path, number in numbers:
+        if not isinstance(value, tuple):
+            value = value if isinstance(number, float) and number == value else number
+        elif not path:  # a range of one number
+            value = value if isinstance(number, float) and value == (number,) * 2 else (number,) * 2
+        else:
+            i = int(path[0])
+            part = _moved(value[i], [(path[1:], number)])
+            value = value if part is value[i] else (*value[:i], part, *value[i + 1 :])
+    return value
 
 
 def parameter_values(parameters: tuple[Parameter, ...], given: ArrayLike) -> Array:

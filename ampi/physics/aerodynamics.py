@@ -18,10 +18,13 @@ Lu (1997), J. Guidance 20(1), for the polynomial model.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from itertools import pairwise
 from typing import Any, ClassVar, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
 
 
 class Aerodynamics(Protocol):
@@ -68,13 +71,13 @@ class PolynomialDragPolar:
         return lift, sum(c * lift**k for k, c in enumerate(self.drag))
 
 
-def _clamped_basis(knots: NDArray[np.float64], x: Any) -> list[Any]:
+def _clamped_basis(knots: Array, x: Any) -> list[Any]:
     """The n truncated-power functions that span the cubic splines with zero slope at both ends."""
     length = knots[-1] - knots[0]
     last = knots[-1] - knots[-2]
     t = (x - knots[0]) / length
     # r has slope 1 at the right end; subtracting f'(end) r from f takes its slope there away
-    r = np.maximum(x - knots[-2], 0.0) ** 3 / (3.0 * last**2)
+    r = np.maximum(x - knots[-2], 0.0) ** 3 / (3.0 * (last * last))
     basis = [1.0 + 0.0 * x, t**2 - 2.0 / length * r, t**3 - 3.0 / length * r]
     for knot in knots[1:-2]:
         width = knots[-1] - knot
@@ -82,11 +85,24 @@ def _clamped_basis(knots: NDArray[np.float64], x: Any) -> list[Any]:
     return basis
 
 
-def _held(axis: NDArray[np.float64]) -> NDArray[np.float64]:
+def _basis_at_knots(knots: Array) -> Array:
+    """(…, n, n): the functions (columns) at the knots (rows), the cases of `knots` (n, …) first."""
+    basis = np.stack(_clamped_basis(knots, knots), axis=-1)
+    return np.moveaxis(basis, 0, -2)
+
+
+def _held(axis: tuple[Any, ...]) -> Array:
+    """The knots of an axis and two more beyond each end; (n + 4, …) of numbers that are arrays."""
     left, right = axis[1] - axis[0], axis[-1] - axis[-2]
-    return np.concatenate(
-        [axis[0] - left * np.array([1.0, 0.5]), axis, axis[-1] + right * np.array([0.5, 1.0])]
-    )
+    outside = axis[0] - left, axis[0] - left * 0.5, axis[-1] + right * 0.5, axis[-1] + right
+    return np.stack(np.broadcast_arrays(*outside[:2], *axis, *outside[2:]))
+
+
+def _edges_repeated(table: tuple[tuple[Any, ...], ...]) -> Array:
+    """(…, rows + 4, columns + 4) of a table, of numbers or of arrays over cases."""
+    cells = np.broadcast_arrays(*(cell for row in table for cell in row))
+    values = np.stack(cells, axis=-1).reshape(*cells[0].shape, len(table), len(table[0]))
+    return np.pad(values, [(0, 0)] * cells[0].ndim + [(2, 2)] * 2, mode="edge")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -103,7 +119,7 @@ class TabulatedAerodynamics:
     def __post_init__(self) -> None:
         for name in ("angle_of_attack", "mach"):
             axis = getattr(self, name)
-            if len(axis) < 2 or np.any(np.diff(axis) <= 0):
+            if len(axis) < 2 or any(np.any(b <= a) for a, b in pairwise(axis)):
                 raise ValueError(
                     f"aerodynamics.{name}: expected at least two strictly increasing values, "
                     f"got {list(axis)}"
@@ -116,13 +132,14 @@ class TabulatedAerodynamics:
                     f"aerodynamics.{name}: expected {shape[0]} rows (angle_of_attack) of "
                     f"{shape[1]} numbers (mach), got rows of {rows}"
                 )
-        alpha, mach = _held(np.array(self.angle_of_attack)), _held(np.array(self.mach))
+        alpha, mach = _held(self.angle_of_attack), _held(self.mach)
+        across_alpha, across_mach = _basis_at_knots(alpha), _basis_at_knots(mach)
         weights: list[Any] = [alpha, mach]
         for table in (self.lift, self.drag):
-            values = np.pad(np.array(table), 2, mode="edge")
-            left = np.stack(_clamped_basis(alpha, alpha), axis=-1)
-            right = np.stack(_clamped_basis(mach, mach), axis=-1)
-            weights.append(np.linalg.solve(right, np.linalg.solve(left, values).T).T)
+            values = _edges_repeated(table)
+            half = np.linalg.solve(across_alpha, values)
+            found = np.linalg.solve(across_mach, np.swapaxes(half, -1, -2))
+            weights.append(np.moveaxis(found, (-1, -2), (0, 1)))  # cases last, as in a flight model
         object.__setattr__(self, "_weights", tuple(weights))
 
     def coefficients(self, angle_of_attack: Any, mach: Any) -> tuple[Any, Any]:
@@ -132,7 +149,7 @@ class TabulatedAerodynamics:
         mach = np.minimum(np.maximum(mach, mach_knots[0]), mach_knots[-1])
         left, right = _clamped_basis(alpha_knots, alpha), _clamped_basis(mach_knots, mach)
 
-        def evaluate(table: NDArray[np.float64]) -> Any:
+        def evaluate(table: Array) -> Any:
             rows = [sum(w * b for w, b in zip(row, right, strict=True)) for row in table]
             return sum(row * b for row, b in zip(rows, left, strict=True))
 

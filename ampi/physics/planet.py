@@ -28,7 +28,7 @@ class Planet:
     load_factor_gravity: float  # m/s²
 
     def __post_init__(self) -> None:
-        if self.equatorial_radius <= 0 or self.gravitational_parameter <= 0:
+        if np.any(self.equatorial_radius <= 0) or np.any(self.gravitational_parameter <= 0):
             raise ValueError(
                 "planet: equatorial_radius and gravitational_parameter must be positive, got "
                 f"{self.equatorial_radius} m and {self.gravitational_parameter} m³/s²"
@@ -37,7 +37,7 @@ class Planet:
     @property
     def surface_gravity(self) -> float:
         """μ/R_e² (m/s²)."""
-        return self.gravitational_parameter / self.equatorial_radius**2
+        return self.gravitational_parameter / (self.equatorial_radius * self.equatorial_radius)
 
     @property
     def load_factor_unit(self) -> str:

@@ -41,7 +41,7 @@ class AngleOfAttackSchedule:
             raise ValueError(
                 f"angle_of_attack.shape: expected 'line' or 'parabola', got {self.shape!r}"
             )
-        if not self.end > self.start:
+        if not np.all(self.end > self.start):
             raise ValueError(
                 f"angle_of_attack: end ({self.end}) must lie after start ({self.start})"
             )
@@ -51,7 +51,8 @@ class AngleOfAttackSchedule:
         variable = time if self.variable == "time" else speed
         fraction = (variable - self.start) / (self.end - self.start)
         if np.any(self.smoothing > 0.0):
-            s2 = (self.smoothing / (self.end - self.start)) ** 2
+            width = self.smoothing / (self.end - self.start)
+            s2 = width * width
             before, after = np.sqrt(fraction**2 + s2), np.sqrt((fraction - 1.0) ** 2 + s2)
             fraction = 0.5 * (1.0 + before - after)
         else:
@@ -78,7 +79,7 @@ class Vehicle:
     def __post_init__(self) -> None:
         positive = ("mass", "reference_area", "heat_flux_constant", "lift_factor", "drag_factor")
         for name in positive:
-            if getattr(self, name) <= 0:
+            if np.any(getattr(self, name) <= 0):
                 raise ValueError(f"vehicle.{name}: must be positive, got {getattr(self, name)}")
         if self.load_factor not in ("normal", "total"):
             raise ValueError(

@@ -141,7 +141,7 @@ def _fly(
             ahead = _rk4(model, x, old, new, now, h)
             goes_on = (ahead[SPEED] > target_speed) & (ahead[ALTITUDE] >= 0.0)
             for i in np.flatnonzero(flying & ~(goes_on & (now + h < longest))):
-                own = _Step(family.missions[i].flight_model, x[:, i], old[i], new[i], now, h)
+                own = _Step(family.member(int(i)).flight_model, x[:, i], old[i], new[i], now, h)
                 final[i], passed, status[i] = _end(own, target_speed[i], longest[i] - now)
                 final_time[i], flying[i], rate[i] = now + passed, False, own.rate(passed)
             x = np.where(flying, ahead, x)

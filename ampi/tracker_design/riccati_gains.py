@@ -77,7 +77,7 @@ def vertex_gains(
     horizon = HORIZON * np.ceil(final_time / HORIZON)
     for longest in np.unique(horizon):
         part = np.flatnonzero(horizon == longest)
-        alike = MissionFamily(tuple(family.missions[i] for i in part))
+        alike = family.take(part)
         fine = [_fine_grid(s, float(longest)) for s in mesh.segments]
         gains[part] = _sweep(alike, mesh, fine, states[part], final_time[part], settings)
     return gains
@@ -171,8 +171,8 @@ def _nodal_jacobians(family: MissionFamily, mesh: Mesh, states: Array, final_tim
     fixed, free = mesh.node_time
     times = fixed + free * final_time[:, None]
     cases: dict[FlightModel, list[int]] = {}  # a model is traced once, then serves all its cases
-    for case, mission in enumerate(family.missions):
-        cases.setdefault(mission.flight_model, []).append(case)
+    for case in range(len(family)):
+        cases.setdefault(family.member(case).flight_model, []).append(case)
     for model, alike in cases.items():
         function = _traced_jacobian(model)
         x = states[alike].transpose(1, 0, 2).reshape(7, -1)

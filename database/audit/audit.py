@@ -292,7 +292,7 @@ def _errors(mission: Mission, truth: Trajectory, states: Array, final_time: floa
     target, mesh = mission.target, mission.pseudospectral_mesh
     try:
         end = reintegrate_many(
-            MissionFamily((mission,)), mesh, flown[None], np.array([final_time]), np.inf
+            MissionFamily.of([mission]), mesh, flown[None], np.array([final_time]), np.inf
         ).states[0, :, -1]
     except RuntimeError:  # no step is small enough for what lies far under the ground
         miss = np.inf

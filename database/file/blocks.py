@@ -123,14 +123,15 @@ def assemble(
     if len(solved):
         family = mission.family([grid.point(records[k].case) for k in solved])
         flights = flight_checks(family, mesh, states[solved], final_time[solved])
-        for k, member, flight in zip(solved, family.missions, flights, strict=True):
+        for member, (k, flight) in enumerate(zip(solved, flights, strict=True)):
             for name, error in errors.items():
                 error[k] = getattr(flight, name)
             peak[k] = list(flight.use.values())
             if judged and not flight.accurate:
                 status[k] = int(Status.INACCURATE)
                 optimum, attempt = records[k].trajectory, messages[k].partition(": ")[0]
-                messages[k] = f"{attempt}: {verdict(member, optimum.judged_by(flight))}"
+                said = verdict(family.member(member), optimum.judged_by(flight))
+                messages[k] = f"{attempt}: {said}"
     good = status == int(Status.SOLVED)
     for array in (states, rate, final_time):
         array[~good] = np.nan

@@ -151,7 +151,7 @@ def test_the_file_alone_solves_a_case_again_to_the_same_numbers(small_database: 
         content["iterations"][case],
     )
     gains = vertex_gains(
-        MissionFamily((here,)),
+        MissionFamily.of([here]),
         again.mesh,
         again.states[None],
         np.array([again.final_time]),

@@ -31,7 +31,7 @@ def from_entries(mission: Mission, entries: Array) -> MissionFamily:
         EntrySection.model_construct(**dict(zip(ENTRY_STATES, row, strict=True)))
         for row in np.atleast_2d(entries).tolist()
     )
-    return MissionFamily(tuple(mission.model_copy(update={"entry": s}) for s in sections))
+    return MissionFamily.of([mission.model_copy(update={"entry": s}) for s in sections])
 
 
 def step(mission: Mission, x: Array, rates: tuple[float, float], time: float, h: float) -> Array:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pickle
 import re
+from dataclasses import fields, is_dataclass
 from pathlib import Path
 from typing import Any
 
@@ -11,9 +12,11 @@ import numpy as np
 import pytest
 
 from ampi.missions import MissionError, load_mission
+from ampi.missions.family import MissionFamily
 from ampi.missions.loading import parse_mission
 from ampi.missions.mission import Mission
 from ampi.missions.parameters import measured_values, mission_numbers
+from ampi.missions.path_limits import PathLimits
 from ampi.physics.equations_of_motion import equations_of_motion
 from ampi.physics.path_constraints import path_constraints
 from ampi.physics.vehicle import air_loads
@@ -117,7 +120,10 @@ def test_a_family_flies_as_its_members_do(text: str) -> None:
     loads = np.stack(path_constraints(family.flight_model(), states, times))
     over_time = np.repeat(states[:, :, None], 3, axis=2)
     wide = np.stack(path_constraints(family.flight_model(trailing=1), over_time, times[:, None]))
-    for i, mission in enumerate(family.missions):
+    for i in range(len(family)):
+        mission = family.member(i)
+        assert_same(family.flight_model(), mission.flight_model, i)
+        assert_same(family.path_limits(), PathLimits.of(mission), i)
         one = equations_of_motion(mission.flight_model, states[:, i], 0.01, times[i])
         assert rates[:, i] == pytest.approx(np.array(one), rel=1e-13)
         alone = path_constraints(mission.flight_model, states[:, i], times[i])
@@ -127,11 +133,51 @@ def test_a_family_flies_as_its_members_do(text: str) -> None:
         assert family.target("longitude")[i] == mission.target.longitude
         assert family.entry_states[i] == pytest.approx(mission.entry_state, rel=0)
 
+    alike = MissionFamily.of([family.member(i) for i in range(5)])
+    assert len(alike) == 5
+    assert np.array_equal(alike.take([3, 1]).entry_states, family.entry_states[[3, 1]])
+    for i in range(5):
+        assert_same(alike.flight_model(), family.member(i).flight_model, i)
+        assert alike.member(i) == family.member(i)
+
+
+def assert_same(joined: Any, one: Any, case: int) -> None:
+    """To the bit, down to the numbers of a physics object and what it has worked out of them."""
+    if is_dataclass(one):
+        for field in fields(one):
+            assert_same(getattr(joined, field.name), getattr(one, field.name), case)
+    elif isinstance(one, tuple):
+        for pair in zip(joined, one, strict=True):
+            assert_same(*pair, case)
+    elif isinstance(one, float | np.ndarray):
+        plain = np.shape(joined) == np.shape(one)
+        assert np.array_equal(joined if plain else joined[..., case], one)
+    else:
+        assert joined == one
+
 
 def test_a_family_of_entry_states_has_the_plain_model() -> None:
     mission = load_mission("shefex3")
     family = mission.family(mission.nominal_parameters + np.eye(6) * 1e-3)
     assert family.flight_model() is mission.flight_model
+    alike = MissionFamily.of([family.member(i) for i in range(6)])
+    assert np.array_equal(alike.entry_states, family.entry_states)
+    assert alike.flight_model() is family.member(0).flight_model
+
+
+def test_a_family_makes_no_mission_per_case(many: Mission, monkeypatch: pytest.MonkeyPatch) -> None:
+    family = many.family(np.repeat(many.nominal_parameters[None], 1000, axis=0) * 1.001)
+    copies = list[int]()
+    copied = Mission.model_copy
+    monkeypatch.setattr(Mission, "model_copy", lambda *a, **b: copies.append(1) or copied(*a, **b))
+    _ = family.flight_model(), family.path_limits(1), family.entry_states, family.target("speed")
+    assert len(copies) < 20
+
+
+def test_missions_of_another_structure_are_no_family(many: Mission) -> None:
+    spheres = load_mission("x33_liu2015"), load_mission("cavh_liu2015")
+    with pytest.raises(TypeError, match=r"differ in numbers only, got .* one by one"):
+        MissionFamily.of(spheres)
 
 
 @pytest.mark.parametrize(

@@ -37,7 +37,7 @@ def from_entries(mission: Mission, entries: Array) -> MissionFamily:
         EntrySection.model_construct(**dict(zip(ENTRY_STATES, row, strict=True)))
         for row in np.atleast_2d(entries).tolist()
     )
-    return MissionFamily(tuple(mission.model_copy(update={"entry": s}) for s in sections))
+    return MissionFamily.of([mission.model_copy(update={"entry": s}) for s in sections])
 
 
 def fly(mission: Mission, guidance: Guidance, entries: Array, every: float = 5.0) -> FlightBatch:

@@ -76,7 +76,7 @@ def test_many_cases_together_are_the_cases_alone(
     """To millimetres, although the step size follows the batch."""
     trajectories = [dataset.trajectory(case) for case in range(9)]
     together = reintegrate_many(
-        MissionFamily((mission,) * 9),
+        MissionFamily.of([mission] * 9),
         trajectories[0].mesh,
         np.stack([t.states for t in trajectories]),
         np.array([t.final_time for t in trajectories]),
@@ -137,8 +137,8 @@ def test_peaks_are_read_between_the_nodes(mission: Mission, dataset: TrajectoryD
 def test_the_spacing_is_the_callers(mission: Mission, dataset: TrajectoryDataset) -> None:
     trajectory = dataset.trajectory(4)
     arguments = (trajectory.mesh, trajectory.states[None], np.array([trajectory.final_time]))
-    coarse = reintegrate_many(MissionFamily((mission,)), *arguments, spacing=50.0)
-    fine = reintegrate_many(MissionFamily((mission,)), *arguments, spacing=0.5)
+    coarse = reintegrate_many(MissionFamily.of([mission]), *arguments, spacing=50.0)
+    fine = reintegrate_many(MissionFamily.of([mission]), *arguments, spacing=0.5)
     assert np.diff(fine.fine_times).max() <= 0.5 + 1e-9
     assert coarse.fine_times.shape[1] < fine.fine_times.shape[1]
     assert np.all(fine.peak >= coarse.peak - 1e-6)

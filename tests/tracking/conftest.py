@@ -40,7 +40,7 @@ def nominal(mission: Mission) -> Trajectory:
 def gains(mission: Mission, nominal: Trajectory) -> Array:
     """(7, n)."""
     return vertex_gains(
-        MissionFamily((mission,)),
+        MissionFamily.of([mission]),
         nominal.mesh,
         nominal.states[None],
         np.array([nominal.final_time]),

@@ -92,7 +92,7 @@ def gains_with_step(
     final_time = np.array([nominal.final_time])
     settings = settings or GainSettings()
     return vertex_gains(
-        MissionFamily((mission,)), nominal.mesh, nominal.states[None], final_time, settings
+        MissionFamily.of([mission]), nominal.mesh, nominal.states[None], final_time, settings
     )[0]
 
 
@@ -130,7 +130,7 @@ def test_equal_cases_have_equal_gains(mission: Mission, nominal: Trajectory, gai
     states = np.repeat(nominal.states[None], 3, axis=0)
     final_time = np.full(3, nominal.final_time)
     batch = vertex_gains(
-        MissionFamily((mission,) * 3), nominal.mesh, states, final_time, GainSettings()
+        MissionFamily.of([mission] * 3), nominal.mesh, states, final_time, GainSettings()
     )
     for one in batch:
         assert one == pytest.approx(gains, rel=1e-9, abs=1e-12 * np.abs(gains).max())
@@ -142,7 +142,7 @@ def test_gains_do_not_depend_on_the_company(
     """A flight swept with longer and shorter ones has the gains that it has alone."""
     final_time = nominal.final_time * np.array([1.0, 0.8, 1.02, 1.4])
     states = np.repeat(nominal.states[None], 4, axis=0)
-    family = MissionFamily((mission,) * 4)
+    family = MissionFamily.of([mission] * 4)
     batch = vertex_gains(family, nominal.mesh, states, final_time, GainSettings())
     assert batch[0] == pytest.approx(gains, rel=1e-9, abs=1e-12 * np.abs(gains).max())
 
@@ -152,7 +152,7 @@ def test_a_dearer_bank_rate_means_smaller_gains(
 ) -> None:
     cheap, dear = (
         vertex_gains(
-            MissionFamily((mission,)),
+            MissionFamily.of([mission]),
             nominal.mesh,
             nominal.states[None],
             np.array([nominal.final_time]),
