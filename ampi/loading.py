@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Literal
+from typing import Literal, get_args
 
 import numpy as np
 
@@ -16,6 +16,7 @@ from ampi.onboard.table import GuidanceTable, nearest_solved
 from ampi.tracking.bank_limiter import BankLimits
 
 Holes = Literal["refuse", "fly"]
+HOLES: tuple[Holes, ...] = get_args(Holes)
 
 
 def guidance_table(dataset: TrajectoryDataset, holes: Holes = "refuse") -> GuidanceTable:
@@ -29,8 +30,8 @@ def guidance_table(dataset: TrajectoryDataset, holes: Holes = "refuse") -> Guida
     DatasetError
         If a case has no solution and the table was not asked to fly all the same; or if none has one.
     """
-    if holes not in ("refuse", "fly"):
-        raise ValueError(f"holes: expected refuse or fly, got {holes!r}")
+    if holes not in HOLES:
+        raise ValueError(f"holes: expected {' or '.join(HOLES)}, got {holes!r}")
     solved = dataset.solved
     missing = np.flatnonzero(~solved.ravel())
     if len(missing) and (holes == "refuse" or not solved.any()):

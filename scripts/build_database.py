@@ -9,7 +9,7 @@ import argparse
 
 import ampi
 import database
-from ampi.progress import progress
+from ampi.cli.progress import progress
 from database.plan.grid import Grid
 
 

@@ -8,8 +8,8 @@ from __future__ import annotations
 import argparse
 
 import ampi
+from ampi.cli.progress import progress
 from ampi.dataset import read_dataset
-from ampi.progress import progress
 from ampi.report.text import verdict_text
 
 

@@ -13,11 +13,11 @@ import pytest
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle
 
+from ampi.cli.output_files import check_output
 from ampi.missions.mission import Mission
 from ampi.missions.sections import NoFlyZoneSection
 from ampi.onboard.reference import Mode, ReferenceGenerator
 from ampi.onboard.table import GuidanceTable
-from ampi.outputs import check_output
 from ampi.physics.planet import destination
 from ampi.report.figures.campaign import (
     campaign_constraints,

@@ -1,0 +1,5 @@
+"""`python -m ampi.cli`."""
+
+from ampi.cli import main
+
+main()
