@@ -97,7 +97,17 @@ def load_guidance(
     DatasetError
         If the file cannot be trusted; the message says why and what to do.
     """
-    dataset = read_dataset(path)
+    return guidance_of(read_dataset(path), mode=mode, holes=holes, cycle=cycle)
+
+
+def guidance_of(
+    dataset: TrajectoryDataset,
+    *,
+    mode: Mode | str = Mode.AMPI,
+    holes: Holes = "refuse",
+    cycle: float | None = None,
+) -> Guidance:
+    """The same from a database that has been read."""
     limits, names = dataset.mission.limits, dataset.names
     return Guidance(
         guidance_table(dataset, holes),

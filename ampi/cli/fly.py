@@ -44,7 +44,7 @@ def fly(
 ) -> None:
     """Fly closed-loop entries, the same draws in every mode, and give the verdict."""
     from ampi.dataset import read_dataset
-    from ampi.loading import HOLES, load_guidance
+    from ampi.loading import HOLES, guidance_of
     from ampi.onboard.reference import Mode
     from ampi.simulation.dispersions import Dispersions, Distribution
     from ampi.simulation.monte_carlo import fly_modes
@@ -52,8 +52,9 @@ def fly(
     with refusals():
         check_output(output, force=force, others=[path])
         check_output(table, force=force, others=[path, output])
-        mission = read_dataset(path).mission
-        guidance = load_guidance(path, holes=one_of(HOLES, holes, "--holes"))
+        dataset = read_dataset(path)
+        mission = dataset.mission
+        guidance = guidance_of(dataset, holes=one_of(HOLES, holes, "--holes"))
         names = dict.fromkeys(name.strip() for name in modes.split(","))
         chosen = [member(Mode, name, "--modes") for name in names]
         law = member(Distribution, distribution, "--distribution")

@@ -97,14 +97,15 @@ def _reference(
     path: Path, given: Mapping[str, float], mode: str, holes: str
 ) -> tuple[Mission, Reference]:
     from ampi.dataset import read_dataset
-    from ampi.loading import HOLES, load_guidance
+    from ampi.loading import HOLES, guidance_of
     from ampi.missions.parameters import measured_values
     from ampi.onboard.reference import Mode
 
     chosen = member(Mode, mode, "--mode")
-    mission = read_dataset(path).mission
+    dataset = read_dataset(path)
+    mission = dataset.mission
     measured = measured_values(mission, mission.parameters, given)
-    guidance = load_guidance(path, mode=chosen, holes=one_of(HOLES, holes, "--holes"))
+    guidance = guidance_of(dataset, mode=chosen, holes=one_of(HOLES, holes, "--holes"))
     return mission, guidance.reference(measured)
 
 

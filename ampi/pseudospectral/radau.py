@@ -7,19 +7,29 @@ interpolation, not a collocation point. With D̄ = [D₀ | D] the N × (N+1) der
     Σ_j D̄_ij p(τ_j) = p'(τ_i)        for every polynomial p of degree ≤ N,      (1)
     Σ_i w_i q(τ_i) = ∫_{−1}^{1} q dτ  for every polynomial q of degree ≤ 2N − 2. (2)
 
+Those N − 1 roots are the eigenvalues of the Jacobi matrix of P^{(1,0)} (Golub & Welsch), and a Newton
+step on P_N − P_{N−1} corrects their last digits. There (1 − τ²) P_n' = n (P_{n−1} − τ P_n), A&S 8.5.4,
+gives
+
+    P_N' − P_{N−1}' = 2N P_{N−1} / (1 + τ),                                                 (3)
+    w = (1 + τ) / (N P_{N−1})², w_N = 2/N²        (A&S 25.4.31, mirrored).                  (4)
+
+`scipy.special` has these roots as well, but takes longer to import than all that flies together.
+
 References
 ----------
-Garg et al. (2011), Comput. Optim. Appl. 49, 335–358. Abramowitz & Stegun, 25.4.31.
+Garg et al. (2011), Comput. Optim. Appl. 49, 335–358. Golub & Welsch (1969), Math. Comp. 23, 221–230.
+A&S: Abramowitz & Stegun.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import eval_legendre, roots_jacobi
 
 from ampi.pseudospectral.lagrange import (
     barycentric_weights,
@@ -76,12 +86,10 @@ def flipped_radau(degree: int) -> FlippedRadau:
     if int(degree) != degree or degree < 1:
         raise ValueError(f"degree: expected an integer of at least 1, got {degree!r}")
     n = int(degree)
-    interior = roots_jacobi(n - 1, 1.0, 0.0)[0] if n > 1 else np.empty(0)
+    interior = _interior_nodes(n)
     nodes = np.concatenate([[-1.0], interior, [1.0]])
-    # Quadrature weights of the mirrored rule: w = (1 + τ) / (N P_{N−1}(τ))², w_N = 2/N².
-    weights = np.empty(n)
-    weights[:-1] = (1.0 + interior) / (n * eval_legendre(n - 1, interior)) ** 2
-    weights[-1] = 2.0 / n**2
+    weights = np.full(n, 2.0 / n**2)
+    weights[:-1] = (1.0 + interior) / (n * _legendre(n, interior)[0]) ** 2  # (4)
     barycentric = barycentric_weights(nodes)
     return FlippedRadau(
         degree=n,
@@ -90,3 +98,21 @@ def flipped_radau(degree: int) -> FlippedRadau:
         derivative=differentiation_matrix(nodes, barycentric)[1:],
         barycentric=barycentric,
     )
+
+
+def _interior_nodes(n: int) -> Array:
+    """The n − 1 roots of P_n − P_{n−1} between −1 and 1, in increasing order."""
+    k = np.arange(n - 1)
+    beside = np.sqrt(k[1:] * (k[1:] + 1.0)) / (2 * k[1:] + 1)
+    jacobi = np.diag(-1.0 / ((2 * k + 1) * (2 * k + 3))) + np.diag(beside, -1)
+    roots = np.linalg.eigvalsh(jacobi)  # reads the lower triangle
+    before, last = _legendre(n, roots)
+    return np.asarray(roots - (last - before) * (1.0 + roots) / (2 * n * before))  # (3)
+
+
+def _legendre(n: int, points: NDArray[Any]) -> tuple[Array, Array]:
+    """P_{n−1} and P_n by their three-term recurrence."""
+    before, last = np.zeros_like(points), np.ones_like(points)
+    for k in range(n):
+        before, last = last, ((2 * k + 1) * points * last - k * before) / (k + 1)
+    return before, last

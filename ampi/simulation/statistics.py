@@ -1,12 +1,13 @@
 """The verdict on a campaign: counts, percentages with confidence intervals, footprint.
 
-Percentages carry the exact (Clopper–Pearson) 95 % interval of scipy. The footprint is the area of the
+Percentages carry the exact (Clopper–Pearson) 95 % interval. The footprint is the area of the
 covariance ellipse that holds 95 % of a bivariate normal, and its ratio between two campaigns flown on
 the same draws carries a paired bootstrap interval.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import pairwise
@@ -14,7 +15,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import binomtest, chi2
 
 from ampi.onboard.reference import Mode
 from ampi.simulation.monte_carlo import Flights
@@ -22,7 +22,7 @@ from ampi.simulation.monte_carlo import Flights
 Array = NDArray[np.float64]
 
 CONFIDENCE = 0.95
-ELLIPSE = float(chi2.ppf(CONFIDENCE, 2))  # squared Mahalanobis radius
+ELLIPSE = -2.0 * math.log(1.0 - CONFIDENCE)  # squared Mahalanobis radius: χ² of two numbers
 BOOTSTRAPS = 2000
 FEWEST_FOR_RATIO = 30  # flights; below it the bootstrap draws degenerate ellipses
 TABLE_5_RADII = (25e3, 50e3, 75e3)  # m, Sagliano et al. 2016, Table 5
@@ -40,9 +40,13 @@ class Fraction:
     @classmethod
     def of(cls, hits: NDArray[np.bool_]) -> Fraction:
         """From one truth value per flight."""
+        from scipy.special import betaincinv  # after the flights: what flies does without scipy
+
         count, n = int(np.count_nonzero(hits)), len(hits)
-        interval = binomtest(count, n).proportion_ci(CONFIDENCE, method="exact")
-        return cls(count, n, float(interval.low), float(interval.high))
+        tail = 0.5 * (1.0 - CONFIDENCE)
+        low = 0.0 if count == 0 else betaincinv(count, n - count + 1, tail)
+        high = 1.0 if count == n else betaincinv(count + 1, n - count, 1.0 - tail)
+        return cls(count, n, float(low), float(high))
 
     @property
     def percent(self) -> float:

@@ -8,6 +8,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from numpy.polynomial import legendre
+from scipy.special import roots_jacobi
 
 from ampi.pseudospectral.radau import FlippedRadau, flipped_radau
 
@@ -88,6 +89,12 @@ def test_nodes_are_the_roots_of_p_n_minus_p_n_minus_1(degree: int) -> None:
     assert np.abs(legendre.legval(rule.nodes[1:], node_polynomial(degree))).max() < 1e-12
     roots = np.sort(legendre.legroots(node_polynomial(degree)).real)
     assert np.abs(rule.nodes[1:] - roots).max() < 1e-10
+
+
+@pytest.mark.parametrize("degree", DEGREES[1:])
+def test_interior_nodes_are_those_of_scipy(degree: int) -> None:
+    witness, _ = roots_jacobi(degree - 1, 1.0, 0.0)
+    assert np.abs(flipped_radau(degree).nodes[1:-1] - witness).max() < 2e-15
 
 
 @pytest.mark.parametrize("degree", DEGREES)

@@ -41,13 +41,12 @@ def statuses(n: int, failed: list[int]) -> np.ndarray:
 @laws
 @given(n=st.integers(1, 3000), share=st.floats(0.0, 1.0))
 def test_the_interval_is_that_of_clopper_and_pearson(n: int, share: float) -> None:
-    """Quantiles of the beta distribution."""
+    """Roots of binomial tails."""
     count = round(share * n)
     got = Fraction.of(np.arange(n) < count)
-    low = stats.beta.ppf(0.025, count, n - count + 1) if count else 0.0
-    high = stats.beta.ppf(0.975, count + 1, n - count) if count < n else 1.0
+    witness = stats.binomtest(count, n).proportion_ci(0.95, method="exact")
     assert (got.count, got.n) == (count, n)
-    assert (got.low, got.high) == pytest.approx((low, high), abs=1e-9)
+    assert (got.low, got.high) == pytest.approx((witness.low, witness.high), abs=1e-9)
     assert got.low <= got.percent / 100.0 <= got.high
 
 
