@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import json
 import shutil
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +13,7 @@ import database
 from ampi.dataset import DatasetError, partial_folder, read_dataset
 from ampi.missions.mission import Mission
 from database.rerun import AttemptResult, rerun
+from tests.support.command_line import run
 
 
 def test_a_case_of_a_file_is_solved_as_in_the_build(small_database: Path) -> None:
@@ -51,34 +50,26 @@ def test_misuse_is_named(small_database: Path, tmp_path: Path) -> None:
         rerun(tmp_path, 0)
 
 
-def ampi(*arguments: str | Path, code: int) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-m", "ampi.cli", *map(str, arguments)]
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
-    assert done.returncode == code, done.stdout + done.stderr
-    assert "Traceback" not in done.stderr
-    return done
-
-
 def test_on_the_command_line(small_database: Path, tmp_path: Path) -> None:
     figure = tmp_path / "case.png"
-    told = ampi("rerun", small_database, "8", "--output", figure, code=0).stdout
+    told = run("rerun", small_database, "8", "--output", figure).stdout
     assert "from the continuation of its neighbours (1 solves): Converged" in told
     assert "case 8 at grid index (2, 2); stored: from the continuation of its neighbours" in told
     assert figure.read_bytes().startswith(b"\x89PNG")
-    numbers = json.loads(ampi("rerun", small_database, "8", "--json", code=0).stdout)
+    numbers = json.loads(run("rerun", small_database, "8", "--json").stdout)
     assert numbers["status"] == "SOLVED"
     assert len(numbers["attempts"][0]["log"]) == numbers["iterations"]
-    told = ampi("rerun", small_database, "99", code=2).stderr
+    told = run("rerun", small_database, "99", code=2).stderr
     assert told == "error: case: expected a number from 0 to 8, got 99\n"
 
 
 def test_verify_on_the_command_line(small_database: Path, tmp_path: Path) -> None:
-    assert "whole; 24 datasets, 9 of 9 cases" in ampi("verify", small_database, code=0).stdout
+    assert "whole; 24 datasets, 9 of 9 cases" in run("verify", small_database).stdout
     bad = tmp_path / "bad.h5"
     shutil.copy(small_database, bad)
     raw = bytearray(bad.read_bytes())
     raw[-1] ^= 1
     bad.write_bytes(raw)
-    assert ampi("verify", bad, code=2).stderr.startswith(f"error: {bad}: seal: ")
-    numbers = json.loads(ampi("verify", bad, "--json", code=2).stdout)
+    assert run("verify", bad, code=2).stderr.startswith(f"error: {bad}: seal: ")
+    numbers = json.loads(run("verify", bad, "--json", code=2).stdout)
     assert (numbers["whole"], numbers["bytes"]) == (False, len(raw))

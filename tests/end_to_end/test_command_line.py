@@ -20,29 +20,12 @@ from ampi.missions.loading import load_mission
 from ampi.simulation.monte_carlo import load_campaigns
 from ampi.simulation.statistics import AreaRatio, footprint_ratio
 from ampi.trajectory import Status
+from tests.support.command_line import run, unwrapped
 
 SMALL_GRID = """[grid]
 speed_m_per_s = [-70.0, 0.0, 70.0]
 flight_path_angle_deg = [-0.5, 0.0, 0.5]
 """
-
-
-def run(*arguments: str | Path, cwd: Path, code: int = 0) -> subprocess.CompletedProcess[str]:
-    done = subprocess.run(
-        [sys.executable, "-m", "ampi.cli", *map(str, arguments)],
-        cwd=cwd,
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    assert done.returncode == code, done.stdout + done.stderr
-    assert "Traceback" not in done.stderr
-    return done
-
-
-def unwrapped(text: str) -> str:
-    """Without the line breaks of a narrow terminal."""
-    return " ".join(text.split())
 
 
 @pytest.fixture(scope="module")
@@ -112,6 +95,33 @@ def test_guide_writes_the_reference_of_an_entry(folder: Path) -> None:
     assert len(table) == 601
     assert table["speed_m_per_s"][0] == pytest.approx(4740.0)
     assert table["speed_m_per_s"][-1] == pytest.approx(595.0, abs=1.0)
+
+
+def test_a_command_loads_what_it_needs(folder: Path) -> None:
+    """A process that imports the command line, guides and flies; what is loaded after each step."""
+    program = """
+import json, sys
+from ampi.cli import app
+heavy = ["numpy", "pydantic", "scipy", "casadi", "joblib", "matplotlib"]
+loaded = []
+def note():
+    loaded.append([name for name in heavy if name in sys.modules])
+note()
+app(["guide", "small.h5"], standalone_mode=False)
+note()
+import ampi
+from ampi.dataset import read_dataset
+flights = ampi.fly(read_dataset("small.h5").mission, ampi.load_guidance("small.h5"), n=2, n_jobs=1)
+note()
+print(json.dumps(loaded))
+"""
+    done = subprocess.run(
+        [sys.executable, "-c", program], cwd=folder, capture_output=True, text=True, check=True
+    )
+    imported, guided, flown = json.loads(done.stdout.splitlines()[-1])
+    assert imported == []
+    assert guided == ["numpy", "pydantic"]
+    assert flown == ["numpy", "pydantic"]
 
 
 def test_guide_flags_an_entry_outside(folder: Path) -> None:

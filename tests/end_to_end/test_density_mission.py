@@ -7,8 +7,6 @@ density with an uneven axis, is flown.
 from __future__ import annotations
 
 import json
-import subprocess
-import sys
 from pathlib import Path
 
 import h5py
@@ -25,6 +23,7 @@ from ampi.missions.mission import Mission
 from ampi.onboard.reference import Mode
 from ampi.propagation import reintegrate
 from ampi.simulation.dispersions import Dispersions, Distribution
+from tests.support.command_line import run
 
 TEXT = load_mission("shefex3_density").toml
 TEXT = TEXT[: TEXT.index("[grid]")]
@@ -71,13 +70,6 @@ def mission(cut: Path) -> Mission:
 @pytest.fixture(scope="module")
 def guidance(cut: Path) -> Guidance:
     return load_guidance(cut)
-
-
-def run(*arguments: str | Path, cwd: Path) -> str:
-    command = [sys.executable, "-m", "ampi.cli", *map(str, arguments)]
-    done = subprocess.run(command, cwd=cwd, capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stdout + done.stderr
-    return done.stdout
 
 
 # --- seven dimensions -----------------------------------------------------------------------------
@@ -178,20 +170,20 @@ def test_a_target_may_move_with_p(mission: Mission, tmp_path: Path) -> None:
 
 def test_the_command_line_takes_any_parameter(cut: Path) -> None:
     folder = cut.parent
-    nominal = run("guide", "density.h5", cwd=folder)
+    nominal = run("guide", "density.h5", cwd=folder).stdout
     options = ("--speed", "4740", "-p", "density_factor=1.07", "--json")
-    thick = json.loads(run("guide", "density.h5", *options, cwd=folder))
+    thick = json.loads(run("guide", "density.h5", *options, cwd=folder).stdout)
     assert nominal.startswith("cell (1, 1), final time")
     assert thick["parameters"] == {"speed": 4740.0, "density_factor": 1.07}
     assert (thick["cell"], thick["outside"]) == ([1, 2], [])
-    outside = run("guide", "density.h5", "-p", "density_factor=1.12", cwd=folder)
+    outside = run("guide", "density.h5", "-p", "density_factor=1.12", cwd=folder).stdout
     assert "outside the hypercube in density_factor: boundary trajectory" in outside
 
 
 def test_audit_and_refine_print_every_number_as_json(cut: Path) -> None:
     folder = cut.parent
     options = ("--probes", "2", "--figures", "figures", "--repair", "--json")
-    found = json.loads(run("audit", "density.h5", *options, cwd=folder))
+    found = json.loads(run("audit", "density.h5", *options, cwd=folder).stdout)
     assert found["repairs"] == []
     assert found["coherence"]["outliers"] == []
     assert len(found["coherence"]["roughness"]) == 12
@@ -199,10 +191,11 @@ def test_audit_and_refine_print_every_number_as_json(cut: Path) -> None:
     assert [c["parameter"] for c in found["error_map"]] == ["speed"] * 2 + ["density_factor"] * 3
     for name in ("coherence.png", "error_map.png"):
         assert (folder / "figures" / name).read_bytes().startswith(b"\x89PNG")
-    text = run("audit", "density.h5", "--probes", "0", cwd=folder)
+    text = run("audit", "density.h5", "--probes", "0", cwd=folder).stdout
     assert "← pays most" in text
     assert "a case stands out above 10" in text
-    refined = json.loads(run("refine", "density.h5", "--parameter", "speed", "--json", cwd=folder))
+    options = ("--parameter", "speed", "--json")
+    refined = json.loads(run("refine", "density.h5", *options, cwd=folder).stdout)
     assert (refined["reused"], refined["solved_anew"]) == (12, 4)
     assert refined["build"]["path"].endswith("density-refined.h5")
     assert read_dataset(folder / "density-refined.h5").shape == (4, 4)

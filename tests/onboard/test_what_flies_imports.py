@@ -49,4 +49,4 @@ def test_all_of_it_loads_no_other_room() -> None:
 
 
 def test_the_probe_sees_what_is_loaded() -> None:
-    assert {"scipy", "h5py", "pydantic"} <= set(loaded_by("ampi.dataset")["tops"])
+    assert {"scipy", "h5py", "pydantic"} <= set(loaded_by("ampi.dataset", "ampi.scp.guess")["tops"])
