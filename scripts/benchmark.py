@@ -31,6 +31,7 @@ from database.audit.audit import audit
 
 BEGIN, END = "<!-- results: begin -->", "<!-- results: end -->"
 JOBS = 2
+STARTS = 11  # of each process whose start is measured
 ROOT = Path(__file__).resolve().parent.parent
 
 # 90th percentiles that a prototype of the same method reached: the floor, not the goal.
@@ -92,6 +93,41 @@ def build_database(path: Path) -> dict[str, Any]:
     return report
 
 
+TYPER_ALONE = """
+import rich, typer
+app = typer.Typer()
+@app.command()
+def one(number: int = 1): "One command."
+@app.command()
+def two(): "Another."
+app(["--help"])
+"""
+
+
+def start_up(path: Path) -> dict[str, float]:
+    """Median CPU time of whole processes that start, do little and end, in ms; all in turn."""
+    python, command = [sys.executable], [sys.executable, "-m", "ampi.cli"]
+    processes = {
+        "typer_and_rich": [*python, "-c", TYPER_ALONE],
+        "help": [*command, "--help"],
+        "guide_help": [*command, "guide", "--help"],
+        "import_guidance": [*python, "-c", "import ampi.guidance"],
+        "guide": [*command, "guide", str(path)],
+    }
+    seconds: dict[str, list[float]] = {name: [] for name in processes}
+    for _ in range(STARTS):
+        for name, words in processes.items():
+            before = _children_seconds()
+            subprocess.run(words, check=True, stdout=subprocess.DEVNULL)
+            seconds[name].append(_children_seconds() - before)
+    return {name: 1e3 * float(np.median(times)) for name, times in seconds.items()}
+
+
+def _children_seconds() -> float:
+    usage = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return usage.ru_utime + usage.ru_stime
+
+
 def online_latency(path: Path) -> dict[str, float]:
     """Median time of one reference (cell, interpolation, LD→HD to 601 points), in µs."""
     mission = read_dataset(path).mission
@@ -144,6 +180,7 @@ def measure(*, fresh: bool, probes: int) -> dict[str, Any]:
         found: dict[str, Any] = {"nominal": nominal_solution(), "build": build_database(path)}
         found["audit"] = audit(read_dataset(path), probes=probes, n_jobs=JOBS).as_dict()
         found["latency_us"] = online_latency(path)
+        found["start_up_ms"] = start_up(path)
         found["flights"] = campaigns(path)
     found["grid"] = compare(ampi.load_mission("shefex3"), JOBS)
     if fresh:
@@ -206,6 +243,7 @@ def table(found: dict[str, Any]) -> str:
             f"{found['latency_us']['ampi']:.0f} µs "
             f"(quadratic: {found['latency_us']['quadratic']:.0f} µs)",
         ),
+        *_start_up(found["start_up_ms"]),
         ("1000 closed-loop flights, 2 processes", "30 s", f"{flights['seconds']:.1f} s"),
         ("AMPI within 25 km", "1000", f"{within_25['count']} of {within_25['n']}"),
         (
@@ -224,6 +262,21 @@ def table(found: dict[str, Any]) -> str:
     lines += [f"| {' | '.join(row)} |" for row in rows]
     sections = [_interpolation(checks), _flights(found["flights"]), _against_ipopt(found["grid"])]
     return "\n".join([*lines, *(line for section in sections for line in ("", *section))])
+
+
+def _start_up(cpu: dict[str, float]) -> list[tuple[str, str, str]]:
+    alone = cpu["typer_and_rich"]
+    return [
+        ("CPU time of a process: typer and rich alone, their help", "–", f"{alone:.0f} ms"),
+        (
+            "… `ampi --help`",
+            "≤ twice that",
+            f"{cpu['help']:.0f} ms ({cpu['help'] / alone:.2f} times that)",
+        ),
+        ("… `ampi guide --help`", "–", f"{cpu['guide_help']:.0f} ms"),
+        ("… `import ampi.guidance`", "–", f"{cpu['import_guidance']:.0f} ms"),
+        ("… `ampi guide` on this database", "–", f"{cpu['guide']:.0f} ms"),
+    ]
 
 
 def _interpolation(checks: dict[str, Any]) -> list[str]:
