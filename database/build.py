@@ -36,7 +36,7 @@ from ampi.dataset import (
     stored_mission,
 )
 from ampi.missions.mission import Mission
-from ampi.propagation import flown_again
+from ampi.propagation.reintegration import flown_again
 from ampi.scp.problem.capabilities import check
 from ampi.scp.problem.scaled_problem import OptimalControlProblem
 from ampi.scp.problem.shortfall import verdict

@@ -16,7 +16,7 @@ import numpy as np
 from ampi.dataset import DatasetError, partial_folder, read_dataset
 from ampi.missions.loading import parse_mission
 from ampi.missions.mission import Mission
-from ampi.propagation import flown_again
+from ampi.propagation.reintegration import flown_again
 from ampi.scp.problem.shortfall import verdict
 from ampi.scp.solve import solve
 from ampi.trajectory import Trajectory

@@ -26,7 +26,7 @@ from ipopt_baseline import compare
 import ampi
 from ampi.dataset import read_dataset
 from ampi.physics.planet import great_circle_distance
-from ampi.propagation import reintegrate
+from ampi.propagation.reintegration import reintegrate
 from database.audit.audit import audit
 
 BEGIN, END = "<!-- results: begin -->", "<!-- results: end -->"

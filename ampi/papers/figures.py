@@ -15,7 +15,7 @@ from ampi.papers.liu2015 import liu2015_case
 from ampi.papers.table import Reproduction
 from ampi.physics.planet import destination
 from ampi.physics.state import LOADS
-from ampi.propagation import reintegrate
+from ampi.propagation.reintegration import reintegrate
 from ampi.report.figures.look import INK, LIMIT_COLOUR, house_style, new_figure
 from ampi.scp.literature.energy_domain import EnergyDomain
 from ampi.scp.literature.methods import Solution

@@ -16,7 +16,7 @@ from ampi.missions.mission import Mission
 from ampi.missions.path_limits import PathLimits
 from ampi.physics.angles import wrapped
 from ampi.physics.planet import great_circle_distance
-from ampi.propagation import reintegrate
+from ampi.propagation.reintegration import reintegrate
 from ampi.scp.literature.methods import CIRCULAR_SPEED, EARTH_RADIUS, METHODS, Solution, solve_by
 from ampi.trajectory import Trajectory
 

@@ -7,24 +7,32 @@ corridor about the bearing of the target (Harpold & Graves 1979, J. Astronaut. S
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.integrate import solve_ivp
 
 from ampi.missions.mission import Mission
 from ampi.physics.angles import on_turn_of, wrapped
 from ampi.physics.equations_of_motion import equations_of_motion
 from ampi.physics.planet import bearing, great_circle_distance
-from ampi.physics.state import CIRCULAR_STATES
+from ampi.physics.state import (
+    ALTITUDE,
+    AZIMUTH,
+    BANK,
+    CIRCULAR_STATES,
+    LATITUDE,
+    LONGITUDE,
+    SPEED,
+)
+from ampi.propagation.adaptive_step import Accuracy, Integration, IntegrationError, Stop, integrate
 from ampi.pseudospectral.mesh import Mesh
 from ampi.trajectory import Trajectory
 
 Array = NDArray[np.float64]
 
 LONGEST_FLIGHT = 6000.0  # s
+ACCURACY = Accuracy(relative=1e-7)
 ROLL_TIME = 20.0  # s: time constant of a reversal, slow enough for the polynomials of a mesh
 
 
@@ -55,60 +63,50 @@ class NodalGuess:
 
 def constant_bank_guess(mission: Mission, guess: ConstantBank) -> NodalGuess | None:
     """The flight of `guess` sampled at the nodes; None if it never slows to the target speed."""
-    times, states = _fly(mission, guess)
+    legs = _fly(mission, guess)
     last_phase_start = max((p.end for p in mission.mesh.phase if p.end is not None), default=0.0)
-    final_time = times[-1]
-    if states is None or final_time <= 1.05 * last_phase_start:
+    if legs is None or legs[-1].end <= 1.05 * last_phase_start:
         return None
-    mesh = mission.pseudospectral_mesh
-    nodal = _sampled(times, states, mesh.times(final_time))
+    mesh, final_time = mission.pseudospectral_mesh, legs[-1].end
+    nodal = _sampled(legs, mesh.times(final_time))
     rate = np.zeros(mesh.n_nodes)
     if guess.heading_corridor is not None:
         rate = collocated_rate(mesh, nodal[:, 6], final_time)
     return NodalGuess(nodal, rate, final_time)
 
 
-def _fly(
-    mission: Mission, guess: ConstantBank
-) -> tuple[list[float], list[Callable[[float], Array]] | None]:
-    """Times at which the legs between reversals end, and each leg; no legs if it never slows down."""
+def _fly(mission: Mission, guess: ConstantBank) -> list[Integration] | None:
+    """The legs between reversals; None if the flight never slows to the target speed."""
     model, target = mission.flight_model, mission.target
     state = np.append(mission.entry_state, guess.bank_angle)
-    command, times = guess.bank_angle, [0.0]
-    legs: list[Callable[[float], Array]] = []
+    command, legs = guess.bank_angle, list[Integration]()
 
     def rates(t: float, x: Array) -> Array:
-        roll = (command - x[6]) / ROLL_TIME
-        return np.array(equations_of_motion(model, x, roll, t))
+        return np.array(equations_of_motion(model, x, (command - x[BANK]) / ROLL_TIME, t))
 
-    def slow(t: float, x: Array) -> float:
-        return float(x[3] - target.speed)
+    def turned_too_far(t: float, x: Array) -> float:
+        goal = bearing(x[LONGITUDE], x[LATITUDE], target.longitude, target.latitude)
+        turned = np.sign(command) * wrapped(x[AZIMUTH] - goal)
+        return float(turned - (guess.heading_corridor or np.inf))
 
-    def ground(t: float, x: Array) -> float:
-        return float(x[0])
-
-    def leaves_corridor(t: float, x: Array) -> float:
-        """Crosses zero upwards where the turn has gone too far."""
-        turned = x[5] - bearing(x[1], x[2], target.longitude, target.latitude)
-        too_far = np.sign(command) * wrapped(turned)
-        return float(too_far - (guess.heading_corridor or np.inf))
-
-    slow.terminal = ground.terminal = leaves_corridor.terminal = True  # type: ignore[attr-defined]
-    leaves_corridor.direction = 1.0  # type: ignore[attr-defined]
-    events: list[Callable[[float, Array], float]] = [slow, ground]
+    reversal = Stop(turned_too_far, direction=1.0)
+    stops = [
+        Stop(lambda t, x: float(x[SPEED] - target.speed)),
+        Stop(lambda t, x: float(x[ALTITUDE])),
+    ]
     if guess.heading_corridor is not None:
-        events.append(leaves_corridor)
-    while times[-1] < LONGEST_FLIGHT:
-        span = (times[-1], LONGEST_FLIGHT)
-        leg = solve_ivp(rates, span, state, events=events, rtol=1e-7, atol=1e-9, dense_output=True)
-        if leg.status != 1 or leg.sol is None:
-            return times, None
-        times.append(float(leg.t[-1]))
-        legs.append(leg.sol)
-        if leg.t_events is None or len(leg.t_events[-1]) == 0 or len(events) == 2:
-            return times, legs
-        state, command = leg.y[:, -1], -command
-    return times, None
+        stops.append(reversal)
+    begin = 0.0
+    while begin < LONGEST_FLIGHT:
+        try:
+            leg = integrate(rates, (begin, LONGEST_FLIGHT), state, ACCURACY, stops=stops)
+        except IntegrationError:
+            return None
+        legs.append(leg)
+        if leg.stop is not reversal:
+            return None if leg.stop is None else legs
+        begin, state, command = leg.end, leg.state, -command
+    return None
 
 
 def collocated_rate(mesh: Mesh, bank: Array, final_time: float) -> Array:
@@ -120,10 +118,10 @@ def collocated_rate(mesh: Mesh, bank: Array, final_time: float) -> Array:
     return rate
 
 
-def _sampled(ends: list[float], legs: list[Callable[[float], Array]], times: Array) -> Array:
+def _sampled(legs: list[Integration], times: Array) -> Array:
     """States (n, 7) at `times` (n,), each from the leg it lies in."""
-    index = np.clip(np.searchsorted(ends, times, side="left") - 1, 0, len(legs) - 1)
-    return np.stack([legs[k](float(t)) for k, t in zip(index, times, strict=True)])
+    index = np.searchsorted([leg.end for leg in legs[:-1]], times, side="left")
+    return np.stack([legs[k].at(float(t)) for k, t in zip(index, times, strict=True)])
 
 
 def constant_banks(mission: Mission, candidates: int = 9) -> list[ConstantBank]:

@@ -32,18 +32,20 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.integrate import solve_ivp
 
 from ampi.missions.mission import Mission
 from ampi.missions.path_limits import KEPT, PathLimits
-from ampi.physics.equations_of_motion import equations_of_motion
-from ampi.pseudospectral.lagrange import interpolation_matrix
+from ampi.physics.state import BANK
+from ampi.propagation.adaptive_step import Accuracy, IntegrationError
+from ampi.propagation.reintegration import fly_segment
 from ampi.pseudospectral.mesh import Mesh, Phase, Segment
+from ampi.scp.problem.scaled_problem import Scaling
 from ampi.trajectory import RefinementRound, Status, Trajectory
 
 Array = NDArray[np.float64]
 
-STATE_SCALE = np.array([1e4, 1.0, 1.0, 1e3, 1.0, 1.0])  # m, rad, m/s
+ACCURACY = Accuracy(relative=1e-9)
+STATE_SCALE = Scaling().states  # m, rad, m/s
 SolveOn = Callable[[Mission, Any], Trajectory]
 
 
@@ -106,39 +108,19 @@ def mesh_error(mission: Mission, trajectory: Trajectory, settings: RefinementSet
 def _segment_error(
     mission: Mission, limits: PathLimits, trajectory: Trajectory, s: Segment, spacing: float
 ) -> tuple[float, float]:
-    model, rule = mission.flight_model, s.rule
-    start = s.start[0] + s.start[1] * trajectory.final_time
-    half = s.half_length[0] + s.half_length[1] * trajectory.final_time
-    collocated = trajectory.states[:, s.nodes]
-    points = np.linspace(-1.0, 1.0, int(np.ceil(2.0 * half / spacing)) + 1)
-    tau = np.union1d(points, rule.nodes)
-
-    def bank(at: Array) -> Array:
-        return interpolation_matrix(rule.nodes, rule.barycentric, at) @ collocated[6]
-
-    def rates(at: float, x: Array) -> Array:
-        state = [*x, bank(np.array([at]))[0]]
-        return half * np.array(
-            equations_of_motion(model, state, 0.0, start + half * (1.0 + at))[:6]
-        )
-
-    flown = solve_ivp(
-        rates,
-        (-1.0, 1.0),
-        collocated[:6, 0],
-        method="DOP853",
-        t_eval=tau,
-        rtol=1e-9,
-        atol=1e-10 * STATE_SCALE,
-    )
-    if not flown.success:
+    collocated = trajectory.states[None, :, s.nodes]
+    first, bank = collocated[:, :BANK, 0], collocated[:, BANK]
+    final_time = np.array([trajectory.final_time])
+    model = mission.flight_model
+    try:
+        flight = fly_segment(model, s, bank, first, final_time, spacing, ACCURACY)
+    except IntegrationError:
         return np.inf, np.inf
-    at_nodes = flown.y[:, np.searchsorted(tau, rule.nodes)]
-    error = np.abs(at_nodes - collocated[:6]).max(axis=1) / STATE_SCALE
-    rate = rule.derivative_at(tau) @ collocated[6] / half
+    scale = np.array(STATE_SCALE[:BANK])
+    off = np.abs(flight.states[..., flight.at_nodes] - collocated)[0, :BANK].max(axis=1)
     # not the rate, the last: beside a switch its polynomial overshoots on any mesh, the more the finer
-    *use, _ = limits.use(model, [*flown.y, bank(tau)], rate, start + half * (1.0 + tau))
-    return float(error.max()), max(float(np.max(one)) for one in use) - 1.0
+    *use, _ = limits.use(model, flight.states[0], flight.bank_rate[0], flight.times[0])
+    return float((off / scale).max()), max(float(np.max(one)) for one in use) - 1.0
 
 
 def refined_mesh(mesh: Mesh, ratio: Array, settings: RefinementSettings) -> Mesh:

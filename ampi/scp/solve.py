@@ -14,7 +14,7 @@ from threadpoolctl import ThreadpoolController
 
 from ampi.missions.mission import Mission
 from ampi.missions.sections import GuessSection
-from ampi.propagation import flown_again
+from ampi.propagation.reintegration import flown_again
 from ampi.scp.condensed.exact_hessian import ExactHessianIteration, SolverSettings
 from ampi.scp.condensed.family import kind, newton
 from ampi.scp.guess import ConstantBank, from_trajectory, nodal_guess

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import IntEnum
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +20,7 @@ from ampi.missions.family import MissionFamily
 from ampi.onboard.row_layout import RowLayout
 from ampi.physics.equations_of_motion import FlightModel, equations_of_motion
 from ampi.physics.state import ALTITUDE, BANK, N_STATES, SPEED
+from ampi.propagation.fixed_step import rk4_step
 from ampi.tracking.bank_limiter import bank_on_turn, limited_rate
 from ampi.tracking.linear_quadratic import bank_rate_command
 
@@ -138,7 +140,7 @@ def _fly(
             new = _between(rate, reached, (part + 1) / parts)
             use = np.stack(path_limits.use(model, x, old, now))
             peak = np.where(flying, np.maximum(peak, use), peak)
-            ahead = _rk4(model, x, old, new, now, h)
+            ahead = _advanced(model, x, old, new, now, h)
             goes_on = (ahead[SPEED] > target_speed) & (ahead[ALTITUDE] >= 0.0)
             for i in np.flatnonzero(flying & ~(goes_on & (now + h < longest))):
                 own = _Step(family.member(int(i)).flight_model, x[:, i], old[i], new[i], now, h)
@@ -185,20 +187,15 @@ def _look_up(
     return rows[layout.states].copy(), rows[layout.bank_rate], rows[layout.gains]
 
 
-def _rk4(
-    model: FlightModel, x: Array, rate: Array, new_rate: Array, time: float, h: float
+def _advanced(
+    model: FlightModel, x: Array, rate: Any, new_rate: Any, time: float, h: float
 ) -> Array:
-    """One step with σ̇ linear from `rate` to `new_rate`."""
-    middle = 0.5 * (rate + new_rate)
+    """States (7, n) one step later, with σ̇ linear from `rate` to `new_rate`."""
 
-    def f(state: Array, bank_rate: Array, at: float) -> Array:
+    def rates(state: Array, bank_rate: Any, at: float) -> Array:
         return np.stack(equations_of_motion(model, state, bank_rate, at))
 
-    k1 = f(x, rate, time)
-    k2 = f(x + 0.5 * h * k1, middle, time + 0.5 * h)
-    k3 = f(x + 0.5 * h * k2, middle, time + 0.5 * h)
-    k4 = f(x + h * k3, new_rate, time + h)
-    return x + h / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4)
+    return rk4_step(rates, x, rate, new_rate, time, h)
 
 
 def _between(begin: Array, end: Array, share: float) -> Array:
@@ -223,7 +220,7 @@ class _Step:
     def after(self, passed: float) -> Array:
         """State (7,) then."""
         before, after = np.array([self.old]), np.array([self.rate(passed)])
-        return _rk4(self.model, self.begin[:, None], before, after, self.time, passed)[:, 0]
+        return _advanced(self.model, self.begin[:, None], before, after, self.time, passed)[:, 0]
 
     def falls_to(self, row: int, level: float, high: float) -> float:
         """Seconds after the begin at which a state has fallen to a level; it is below it at `high`."""

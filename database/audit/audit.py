@@ -32,7 +32,8 @@ from ampi.missions.path_limits import PathLimits
 from ampi.onboard.reference import Mode, ReferenceGenerator
 from ampi.onboard.table import GuidanceTable
 from ampi.physics.planet import great_circle_distance
-from ampi.propagation import reintegrate_many
+from ampi.propagation.adaptive_step import IntegrationError
+from ampi.propagation.reintegration import reintegrate_many
 from ampi.scp.solve import optimum
 from ampi.simulation.dispersions import require_seed
 from ampi.trajectory import Status, Trajectory
@@ -294,7 +295,7 @@ def _errors(mission: Mission, truth: Trajectory, states: Array, final_time: floa
         end = reintegrate_many(
             MissionFamily.of([mission]), mesh, flown[None], np.array([final_time]), np.inf
         ).states[0, :, -1]
-    except RuntimeError:  # no step is small enough for what lies far under the ground
+    except IntegrationError:
         miss = np.inf
     else:
         radius = mission.flight_model.planet.equatorial_radius

@@ -32,7 +32,8 @@ from scipy.sparse.csgraph import connected_components
 
 from ampi.missions.mission import Mission
 from ampi.physics.angles import wrapped
-from ampi.propagation import reintegrate_many
+from ampi.physics.state import BANK as BANK_ANGLE
+from ampi.propagation.reintegration import flight_checks
 from ampi.scp.solve import solve, solve_family
 from ampi.trajectory import Status, Trajectory
 from database.audit.coherence import on_turn_of_rows
@@ -107,7 +108,7 @@ def branches(
     bank = np.full((grid.size, mission.pseudospectral_mesh.n_nodes), np.nan)
     cost = np.full(grid.size, np.nan)
     for case, optimum in optima.items():
-        bank[case], cost[case] = optimum.states[6], optimum.cost
+        bank[case], cost[case] = optimum.states[BANK_ANGLE], optimum.cost
     solved = np.isin(np.arange(grid.size), list(optima))
     pairs = grid.pairs()
     pairs = pairs[solved[pairs].all(axis=1)]
@@ -162,7 +163,7 @@ def continued(campaign: Campaign, case: int, goal: int, optimum: Trajectory) -> 
 
 def unlikeness(one: Trajectory, other: Trajectory) -> float:
     """Greatest difference of two bank angles (rad), at the nodes."""
-    return float(np.abs(wrapped(one.states[6] - other.states[6])).max())
+    return float(np.abs(wrapped(one.states[BANK_ANGLE] - other.states[BANK_ANGLE])).max())
 
 
 def same_optimum(one: Trajectory, other: Trajectory) -> bool:
@@ -185,7 +186,7 @@ def halfway(one: Trajectory, other: Trajectory) -> Trajectory:
 def stations(states: Array) -> Array:
     """Of flights (…, 7, n), the bank angles (…, s) at entry and at evenly spread nodes after it."""
     nodes = np.arange(STATIONS) * states.shape[-1] // STATIONS
-    return states[..., 6, nodes]
+    return states[..., BANK_ANGLE, nodes]
 
 
 def suspects(grid: Grid, bank: NDArray[np.floating[Any]]) -> list[int]:
@@ -292,20 +293,11 @@ def _flown_halfway(
 
 def _position_error(mission: Mission, points: Array, flights: list[Trajectory]) -> Array:
     """Of flights at these parameters (k, d), open loop; ∞ for one that cannot be flown to its end."""
-    try:
-        return reintegrate_many(
-            mission.family(points),
-            mission.pseudospectral_mesh,
-            np.array([flight.states for flight in flights]),
-            np.array([flight.final_time for flight in flights]),
-            np.inf,
-        ).position_error
-    except RuntimeError:  # no step is small enough for what lies far under the ground
-        if len(flights) == 1:
-            return np.array([np.inf])
-        half = len(flights) // 2  # one of them stops all
-        parts = (slice(half), slice(half, None))
-        return np.concatenate([_position_error(mission, points[p], flights[p]) for p in parts])
+    states = np.array([flight.states for flight in flights])
+    final_time = np.array([flight.final_time for flight in flights])
+    family, mesh = mission.family(points), mission.pseudospectral_mesh
+    flown = flight_checks(family, mesh, states, final_time, np.inf)
+    return np.array([check.position_error for check in flown])
 
 
 def _components(size: int, pairs: Cases) -> NDArray[np.int32]:

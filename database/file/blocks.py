@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from ampi.dataset import FIELDS
 from ampi.missions.mission import Mission
 from ampi.missions.path_limits import PathLimits
-from ampi.propagation import flight_checks
+from ampi.propagation.reintegration import flight_checks
 from ampi.scp.problem.scaled_problem import OptimalControlProblem
 from ampi.scp.problem.shortfall import verdict
 from ampi.tracker_design.riccati_gains import GainSettings, vertex_gains

@@ -14,7 +14,7 @@ from ampi.loading import load_guidance
 from ampi.missions.loading import load_mission, parse_mission
 from ampi.missions.mission import Mission
 from ampi.missions.path_limits import KEPT, PathLimits
-from ampi.propagation import reintegrate
+from ampi.propagation.reintegration import reintegrate
 from ampi.scp.solve import solve
 from ampi.trajectory import Status, Trajectory
 from ampi.workers.job import JobError

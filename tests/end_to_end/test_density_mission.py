@@ -21,7 +21,7 @@ from ampi.loading import load_guidance
 from ampi.missions.loading import load_mission, parse_mission
 from ampi.missions.mission import Mission
 from ampi.onboard.reference import Mode
-from ampi.propagation import reintegrate
+from ampi.propagation.reintegration import reintegrate
 from ampi.simulation.dispersions import Dispersions, Distribution
 from tests.support.command_line import run
 

@@ -17,7 +17,7 @@ import pytest
 
 import ampi
 from ampi.missions import Mission
-from ampi.propagation import reintegrate
+from ampi.propagation.reintegration import reintegrate
 from ampi.pseudospectral.mesh import Mesh
 from ampi.scp.condensed.elastic_target import ElasticSettings
 from ampi.scp.condensed.exact_hessian import SolverSettings

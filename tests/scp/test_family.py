@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 import ampi
 from ampi.missions import Mission, load_mission
 from ampi.missions.loading import parse_mission
-from ampi.propagation import reintegrate
+from ampi.propagation.reintegration import reintegrate
 from ampi.scp.condensed.family import _Newton, newton
 from ampi.scp.condensed.family_condensing import CondensedFamily
 from ampi.scp.condensed.iterate import Flight, Linearised, Point, RestorationSettings

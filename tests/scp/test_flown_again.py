@@ -8,12 +8,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import ampi.propagation
 from ampi.missions import Mission, load_mission
 from ampi.missions.family import MissionFamily
 from ampi.missions.loading import parse_mission
 from ampi.missions.path_limits import KEPT, PathLimits
-from ampi.propagation import ReintegrationError, flight_checks, flown_again, reintegrate
+from ampi.propagation import reintegration
+from ampi.propagation.reintegration import (
+    IntegrationError,
+    flight_checks,
+    flown_again,
+    reintegrate,
+)
 from ampi.pseudospectral.mesh import Mesh, Phase
 from ampi.scp.guess import ConstantBank
 from ampi.scp.problem.shortfall import verdict
@@ -107,14 +112,14 @@ def test_a_flight_that_cannot_be_integrated_is_far_off(
     mission: Mission, nominal: Trajectory, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Alone, and in a batch without harm to its company."""
-    real = ampi.propagation.reintegrate_many
+    real = reintegration.reintegrate_many
 
     def gives_up(family: MissionFamily, *arguments: object) -> object:
         if np.any(family.entry_states[:, 3] > 4800.0):
-            raise ReintegrationError("step size")
+            raise IntegrationError("step size")
         return real(family, *arguments)  # type: ignore[arg-type]
 
-    monkeypatch.setattr(ampi.propagation, "reintegrate_many", gives_up)
+    monkeypatch.setattr(reintegration, "reintegrate_many", gives_up)
     faster = np.array([0.0, 0.0, 0.0, 100.0, 0.0, 0.0])
     fast = mission.with_entry(mission.entry_state + faster)
     states, final_time = np.stack([nominal.states] * 2), np.full(2, nominal.final_time)

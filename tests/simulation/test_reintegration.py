@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -17,7 +18,9 @@ from ampi.missions.path_limits import PathLimits
 from ampi.physics.equations_of_motion import equations_of_motion
 from ampi.physics.path_constraints import path_constraints
 from ampi.physics.state import LOADS
-from ampi.propagation import reintegrate, reintegrate_many
+from ampi.propagation import reintegration
+from ampi.propagation.adaptive_step import IntegrationError
+from ampi.propagation.reintegration import flight_checks, reintegrate, reintegrate_many
 from ampi.trajectory import Trajectory
 
 Array = NDArray[np.float64]
@@ -143,3 +146,37 @@ def test_the_spacing_is_the_callers(mission: Mission, dataset: TrajectoryDataset
     assert coarse.fine_times.shape[1] < fine.fine_times.shape[1]
     assert np.all(fine.peak >= coarse.peak - 1e-6)
     assert coarse.position_error == pytest.approx(fine.position_error, abs=1e-2)
+
+
+@pytest.mark.parametrize(
+    ("bank_angle", "where"), [(80.0, "under the ground"), (150.0, "on a vertical path")]
+)
+def test_a_flight_into_the_ground_ends_there(
+    mission: Mission,
+    dataset: TrajectoryDataset,
+    monkeypatch: pytest.MonkeyPatch,
+    bank_angle: float,
+    where: str,
+) -> None:
+    """It took the integrator ever shorter steps through ever denser rock, and its company with it."""
+    truth = dataset.trajectory(4)
+    calls, physics = [0], reintegration.equations_of_motion
+
+    def counted(*arguments: Any) -> Any:
+        calls[0] += 1
+        return physics(*arguments)
+
+    monkeypatch.setattr(reintegration, "equations_of_motion", counted)
+    reintegrate(mission, truth)
+    whole, calls[0] = calls[0], 0
+    states = truth.states.copy()
+    states[6] = np.radians(bank_angle)
+    with pytest.raises(IntegrationError, match=f"^the flight ends {where}$"):
+        reintegrate(mission, replace(truth, states=states))
+    assert calls[0] < whole
+    company = np.stack([truth.states, states, truth.states])
+    family = MissionFamily.of([mission] * 3)
+    found = flight_checks(family, truth.mesh, company, np.full(3, truth.final_time))
+    assert np.isinf(found[1].position_error)
+    assert found[0].position_error == pytest.approx(found[2].position_error, abs=1e-3)
+    assert found[0].position_error < 3.0

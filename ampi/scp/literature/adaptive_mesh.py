@@ -18,6 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from ampi.propagation.fixed_step import rk4_step
 from ampi.scp.literature.collocation import line_mesh
 from ampi.scp.literature.formulation import Formulation
 from ampi.scp.literature.successive import Iterate
@@ -82,15 +83,13 @@ def runge_kutta(formulation: Formulation, at: Iterate, states: Array, j: slice |
     s = at.mesh.times(at.final)
     begin, length = s[:-1][j], np.diff(s)[j]
     before, after = at.controls[:-1][j], at.controls[1:][j]
-    begin, length = np.atleast_1d(begin), np.atleast_1d(length)[:, None]
     before, after = np.atleast_2d(before), np.atleast_2d(after)
-    middle, half = 0.5 * (before + after), 0.5 * length
-    x = np.atleast_2d(states)
-    k1 = formulation.rates(x, before, begin)
-    k2 = formulation.rates(x + half * k1, middle, begin + half[:, 0])
-    k3 = formulation.rates(x + half * k2, middle, begin + half[:, 0])
-    k4 = formulation.rates(x + length * k3, after, begin + length[:, 0])
-    return np.asarray(x + length / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4))
+
+    def rates(x: Array, u: Array, at: Array) -> Array:
+        return formulation.rates(x, u, at[:, 0])
+
+    begin, length = np.atleast_1d(begin)[:, None], np.atleast_1d(length)[:, None]
+    return rk4_step(rates, np.atleast_2d(states), before, after, begin, length)
 
 
 def local_errors(formulation: Formulation, at: Iterate, units: Array) -> Array:

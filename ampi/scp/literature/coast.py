@@ -13,17 +13,20 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.integrate import solve_ivp
 
 from ampi.missions.mission import Mission
 from ampi.physics.equations_of_motion import equations_of_motion
+from ampi.physics.state import ALTITUDE, BANK, FLIGHT_PATH_ANGLE, SPEED
 from ampi.physics.vehicle import air_loads
+from ampi.propagation.adaptive_step import Accuracy, IntegrationError, Stop, integrate
 from ampi.scp.literature.collocation import line_mesh
 from ampi.trajectory import Trajectory
 
 Array = NDArray[np.float64]
+Event = Callable[[float, Array], float]  # of time and state; crosses zero upwards
 
 LONGEST = 1500.0  # s
+ACCURACY = Accuracy(relative=1e-10)
 NODES = 24
 JUMP = 0.01  # s, in which the bank angle may change at the handover
 
@@ -38,7 +41,7 @@ class Coast:
     @property
     def handover(self) -> Array:
         """(h, θ, φ, V, γ, ψ) where planning begins."""
-        return np.asarray(self.states[:6, -1])
+        return np.asarray(self.states[:BANK, -1])
 
     def before(self, flight: Trajectory) -> Trajectory:
         """The whole entry: this coast, then `flight`; between nodes on straight lines."""
@@ -48,14 +51,14 @@ class Coast:
             flight,
             mesh=line_mesh(times / times[-1]),
             states=states,
-            bank_rate=np.gradient(states[6], times),
+            bank_rate=np.gradient(states[BANK], times),
             final_time=float(times[-1]),
         )
 
 
 def until_level(mission: Mission) -> Coast | None:
     """Zero bank angle until γ = 0, Zhou 2021, Section 4.1; None if the flight never levels."""
-    return _fly(mission, 0.0, lambda t, x: float(x[4]))
+    return _fly(mission, 0.0, lambda t, x: float(x[FLIGHT_PATH_ANGLE]))
 
 
 def until_drag(mission: Mission, drag: float, bank_angle: float) -> Coast | None:
@@ -63,37 +66,28 @@ def until_drag(mission: Mission, drag: float, bank_angle: float) -> Coast | None
     model = mission.flight_model
 
     def short(t: float, x: Array) -> float:
-        return float(air_loads(model.vehicle, model.atmosphere, x[0], x[3], t).drag) - drag
+        return (
+            float(air_loads(model.vehicle, model.atmosphere, x[ALTITUDE], x[SPEED], t).drag) - drag
+        )
 
     return _fly(mission, bank_angle, short)
 
 
-def _fly(
-    mission: Mission, bank_angle: float, event: Callable[[float, Array], float]
-) -> Coast | None:
+def _fly(mission: Mission, bank_angle: float, reached: Event) -> Coast | None:
     model = mission.flight_model
     start = np.append(mission.entry_state, bank_angle)
-    if event(0.0, start) >= 0.0:
+    if reached(0.0, start) >= 0.0:
         return Coast(np.zeros(1), start[:, None])
 
     def rates(t: float, x: Array) -> Array:
         return np.array(equations_of_motion(model, x, 0.0, t))
 
-    def reached(t: float, x: Array) -> float:
-        return event(t, x)
-
-    reached.terminal, reached.direction = True, 1.0  # type: ignore[attr-defined]
-    flight = solve_ivp(
-        rates,
-        (0.0, LONGEST),
-        start,
-        events=reached,
-        rtol=1e-10,
-        atol=1e-9,
-        dense_output=True,
-    )
-    if flight.status != 1 or flight.sol is None:
+    handover, ground = Stop(reached, direction=1.0), Stop(lambda t, x: float(x[ALTITUDE]))
+    try:
+        flight = integrate(rates, (0.0, LONGEST), start, ACCURACY, stops=[handover, ground])
+    except IntegrationError:
         return None
-    end = float(flight.t[-1])
-    times = np.append(np.linspace(0.0, end - JUMP, NODES - 1), end)
-    return Coast(times, flight.sol(times))
+    if flight.stop is not handover or flight.at is None:
+        return None
+    times = np.append(np.linspace(0.0, flight.end - JUMP, NODES - 1), flight.end)
+    return Coast(times, flight.at(times))

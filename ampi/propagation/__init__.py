@@ -1,0 +1,1 @@
+"""The one place that integrates: fixed steps, adaptive steps, and flights flown again."""
