@@ -146,7 +146,7 @@ def build(
             "axes fewer points"
         )
     if not Path(path).parent.is_dir():
-        raise BuildError(f"path: the folder {Path(path).parent} does not exist")
+        raise BuildError(f"{path}: the folder {Path(path).parent} does not exist")
     path = Path(path).absolute()  # what `advance` or a solver does may change the working folder
     _refuse_unknown(mission, solver)
     _refuse_other_database(path, mission)
@@ -426,6 +426,8 @@ def _refuse_unknown(mission: Mission, solver: Solver) -> None:
 
 def _refuse_other_database(path: Path, mission: Mission) -> None:
     """An existing file is replaced only by a new database of the same mission."""
+    if path.is_dir():
+        raise BuildError(f"{path}: expected a file to write, got a folder")
     if path.exists() and stored_mission(path) != mission.toml:
         raise BuildError(
             f"{path} exists and is not a database of this mission ({mission.name}); "

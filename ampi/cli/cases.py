@@ -48,7 +48,8 @@ def rerun(
 
 
 def _print_attempt(result: AttemptResult) -> None:
-    out.print(f"{result.attempt} ({result.solves} solves): {escaped(result.outcome)}")
+    solves = "1 solve" if result.solves == 1 else f"{result.solves} solves"
+    out.print(f"{result.attempt} ({solves}): {escaped(result.outcome)}")
     if result.trajectory is not None:
         out.print(convergence_table(result.trajectory))
 

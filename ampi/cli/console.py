@@ -51,6 +51,6 @@ def print_summary(summary: Mapping[str, str | float]) -> None:
         out.print(f"  {key:34} {value if isinstance(value, str) else f'{value:.8g}'}")
 
 
-def known(value: float) -> str:
-    """Three digits, or a dash where failed cases hide a number; "inf" of a flight with no end."""
-    return "–" if math.isnan(value) else f"{value:.3g}"
+def known(value: float, digits: str = ".3g") -> str:
+    """The number, or a dash where there is none; "inf" of a flight with no end."""
+    return "–" if math.isnan(value) else f"{value:{digits}}"

@@ -67,9 +67,13 @@ def _require_same_mission(
     for flights in flown.values():
         if flights.mission_sha256 != mission_digest(dataset.mission):
             raise ValueError(
-                f"{campaigns}: flown from a database of another mission ({flights.mission}) than "
-                f"{path} ({dataset.mission.name}); fly this database again"
+                f"{campaigns}: flown from a database of another mission than {path} "
+                f"({_difference(flights.mission, dataset.mission.name)}); fly this database again"
             )
+
+
+def _difference(flown: str, here: str) -> str:
+    return f"{flown}, not {here}" if flown != here else f"also {here}, with other numbers or axes"
 
 
 def _now() -> str:

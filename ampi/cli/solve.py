@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from rich.table import Table
 
-from ampi.cli.console import escaped, out, print_error, print_json, print_summary
+from ampi.cli.console import escaped, known, out, print_error, print_json, print_summary
 from ampi.cli.endings import refusals
 from ampi.cli.node_table import HEADER, write_nodes
 from ampi.cli.options import Force, Json, MissionArgument
@@ -114,7 +114,8 @@ def _print_optimum(mission: Mission, optimum: Trajectory, refined: bool) -> None
     if refined:
         out.print("the mesh, to paste into the mission in the place of its own:")
         sys.stdout.write(optimum.mesh.toml)
-    out.print(verdict(mission, optimum))
+    if optimum.status.ok:  # else it is the error
+        out.print(verdict(mission, optimum))
     print_summary(optimum.summary())
 
 
@@ -196,8 +197,8 @@ def convergence_table(optimum: Trajectory) -> Table:
             f"{row.cost:.6g}",
             f"{math.degrees(row.step):.2e}",
             f"{row.final_time:.2f}",
-            f"{math.degrees(row.trust_radius):.3g}",
-            f"{row.ratio:.3f}",
+            known(math.degrees(row.trust_radius)),
+            known(row.ratio, ".3f"),
             "yes" if row.accepted else "no",
         )
     return table

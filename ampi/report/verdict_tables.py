@@ -237,7 +237,7 @@ def _footprints(
     }
     for p in paper:
         cells[p.label] = (Cell(number(p.area)), Cell(p.area_ratio or NOTHING))
-    return Group("Footprint", ("area (km²)", "of nominal's area"), cells)
+    return Group("Covariance ellipse of 95 %", ("area (km²)", "of nominal's area"), cells)
 
 
 def _ratio(flights: Flights, campaigns: Mapping[str, Flights]) -> Cell:

@@ -53,7 +53,7 @@ def test_misuse_is_named(small_database: Path, tmp_path: Path) -> None:
 def test_on_the_command_line(small_database: Path, tmp_path: Path) -> None:
     figure = tmp_path / "case.png"
     told = run("rerun", small_database, "8", "--output", figure).stdout
-    assert "from the continuation of its neighbours (1 solves): Converged" in told
+    assert "from the continuation of its neighbours (1 solve): Converged" in told
     assert "case 8 at grid index (2, 2); stored: from the continuation of its neighbours" in told
     assert figure.read_bytes().startswith(b"\x89PNG")
     numbers = json.loads(run("rerun", small_database, "8", "--json").stdout)

@@ -55,7 +55,7 @@ def test_spreads_are_those_of_judge(mission: Mission, campaigns: dict[str, Fligh
 def test_footprints_are_those_of_statistics(
     mission: Mission, campaigns: dict[str, Flights]
 ) -> None:
-    rows = block(verdict_text(mission, campaigns), "Footprint")
+    rows = block(verdict_text(mission, campaigns), "Covariance ellipse of 95 %")
     ratio = footprint_ratio(campaigns["ampi"], campaigns["nominal"])
     assert str(ratio) in rows["ampi"]
     assert number(judge(campaigns["ampi"]).footprint_area * 1e-6) in rows["ampi"]

@@ -31,7 +31,7 @@ def _flown(flight: FlightCheck, *, doubted: bool) -> str:
     name = max(flight.use, key=lambda limit: flight.use[limit])
     found = (
         f"Flown again, it lies at most {_short(flight.position_error)} m from its nodes and uses "
-        f"{100.0 * flight.use[name]:.4g} % of {name}"
+        f"{_percent(flight.use[name])} % of {name}"
     )
     if not doubted:
         return f"{found}, its nearest limit."
@@ -99,6 +99,11 @@ def _missed(mission: Mission, trajectory: Trajectory) -> list[str]:
         if off > 0.1:
             found.append(f"the final {name} is {_short(off)}° off")
     return found
+
+
+def _percent(share: float) -> str:
+    """Four figures, and no exponent where there are more."""
+    return f"{100.0 * share:,.0f}" if share >= 10.0 else f"{100.0 * share:.4g}"
 
 
 def _short(value: float) -> str:
