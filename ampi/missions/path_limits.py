@@ -18,6 +18,7 @@ The least bank angle of Liu 2015 is no limit in this sense: a flight passes thro
 from __future__ import annotations
 
 from dataclasses import dataclass
+from enum import Enum
 from typing import Any
 
 import numpy as np
@@ -25,11 +26,20 @@ import numpy as np
 from ampi.missions.sections import MissionSections
 from ampi.physics.equations_of_motion import FlightModel
 from ampi.physics.path_constraints import no_fly_zone, path_constraints
-from ampi.physics.state import LOADS
+from ampi.physics.state import ALTITUDE, BANK, LATITUDE, LOADS, LONGITUDE, SPEED
 from ampi.physics.vehicle import air_loads
 
 KEPT = 1e-3  # of a limit: the excess that still counts as kept
 CONTROL_LIMITS = ("bank_angle", "bank_rate")
+
+
+class LimitKind(Enum):
+    """What a limit bounds."""
+
+    LOAD = "load"
+    DRAG_FLOOR = "drag floor"
+    NO_FLY_ZONE = "no-fly zone"
+    CONTROL = "control"
 
 
 @dataclass(frozen=True)
@@ -61,16 +71,26 @@ class PathLimits:
         )
 
     @property
-    def on_the_path(self) -> tuple[str, ...]:
-        """Names of the limits on what the flight meets, in order: all but those of the control."""
+    def kinds(self) -> dict[str, LimitKind]:
+        """Every limit by its name, in order."""
         floor = () if self.drag_floor is None else ("drag_floor",)
-        zones = tuple(f"no_fly_zone {k}" for k in range(1, len(self.no_fly_zones) + 1))
-        return (*LOADS, *floor, *zones)
+        zones = (f"no_fly_zone {k}" for k in range(1, len(self.no_fly_zones) + 1))
+        return {
+            **dict.fromkeys(LOADS, LimitKind.LOAD),
+            **dict.fromkeys(floor, LimitKind.DRAG_FLOOR),
+            **dict.fromkeys(zones, LimitKind.NO_FLY_ZONE),
+            **dict.fromkeys(CONTROL_LIMITS, LimitKind.CONTROL),
+        }
 
     @property
     def names(self) -> tuple[str, ...]:
         """Names of all limits, in order."""
-        return (*self.on_the_path, *CONTROL_LIMITS)
+        return tuple(self.kinds)
+
+    @property
+    def on_the_path(self) -> tuple[str, ...]:
+        """Names of the limits on what the flight meets, in order: all but those of the control."""
+        return self.names[: -len(CONTROL_LIMITS)]
 
     def path(self, model: FlightModel, state: Any, time: Any) -> list[Any]:
         """Use of each limit `on_the_path` at `state` (h, θ, φ, V, γ, ψ, σ; SI, rad) and `time` (s).
@@ -80,13 +100,20 @@ class PathLimits:
         values = path_constraints(model, state, time)
         use = [value / limit for value, limit in zip(values, self.loads, strict=True)]
         if self.drag_floor is not None:
-            least, speed = self.drag_floor
-            drag = air_loads(model.vehicle, model.atmosphere, state[0], state[3], time).drag
-            use.append((state[3] <= speed) * (2.0 - drag / least))
-        use += [no_fly_zone(state[1], state[2], zone) for zone in self.no_fly_zones]
-        return use
+            use.append((state[SPEED] <= self.drag_floor[1]) * self.floor_use(model, state, time))
+        return [*use, *self.zones(state[LONGITUDE], state[LATITUDE])]
+
+    def floor_use(self, model: FlightModel, state: Any, time: Any) -> Any:
+        """Use of the drag floor where it holds."""
+        least, _ = self.drag_floor or (np.inf, 0.0)
+        drag = air_loads(model.vehicle, model.atmosphere, state[ALTITUDE], state[SPEED], time).drag
+        return 2.0 - drag / least
+
+    def zones(self, longitude: Any, latitude: Any) -> list[Any]:
+        """Use of each no-fly zone at a point (rad)."""
+        return [no_fly_zone(longitude, latitude, zone) for zone in self.no_fly_zones]
 
     def use(self, model: FlightModel, state: Any, bank_rate: Any, time: Any) -> list[Any]:
         """Use of every limit, in the order of `names`; `bank_rate` in rad/s."""
-        control = [np.abs(state[6]) / self.bank_angle, np.abs(bank_rate) / self.bank_rate]
+        control = [np.abs(state[BANK]) / self.bank_angle, np.abs(bank_rate) / self.bank_rate]
         return [*self.path(model, state, time), *control]

@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ampi.missions.final_states import TargetMiss
 from ampi.missions.mission import Mission
 from ampi.missions.path_limits import KEPT
 from ampi.physics.planet import great_circle_distance
@@ -106,12 +107,13 @@ def _badness(mission: Mission, trajectory: Trajectory) -> tuple[int, float, floa
         return 0, 0.0, trajectory.cost
     if not np.all(np.isfinite(trajectory.states)):
         return 3, 0.0, 0.0
-    entry, target, final = mission.entry, mission.target, trajectory.states[:, -1]
-    there = (target.longitude, target.latitude)
-    way = float(great_circle_distance(entry.longitude, entry.latitude, *there, 1.0))
-    miss = float(great_circle_distance(final[1], final[2], *there, 1.0))
+    entry, target = mission.entry, mission.target
+    radius = mission.flight_model.planet.equatorial_radius
+    start, end = (entry.longitude, entry.latitude), (target.longitude, target.latitude)
+    way = float(great_circle_distance(*start, *end, radius))
     # the cost of a soft target tells its miss, and knows which final states count
-    soft = mission.objective.altitude_weight is not None or target.position == "free"
+    soft = mission.objective.altitude_weight is not None
+    miss = TargetMiss.of(mission, trajectory.states[:, -1]).horizontal
     share = 0.0 if soft or way == 0.0 else miss / way
     excess = max(trajectory.statistics.limit_excess)
     opened = (excess if excess > KEPT else 0.0) + share

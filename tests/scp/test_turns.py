@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from ampi.missions import Mission, load_mission
+from ampi.missions.final_states import FinalState
 from ampi.physics.angles import wrapped
 from ampi.physics.state import CIRCULAR_STATES
 from ampi.scp.guess import ConstantBank, from_trajectory
-from ampi.scp.literature.formulation import FinalState
 from ampi.scp.literature.starts import straight_line
 from ampi.scp.problem.convergence import ConvergenceSettings, verdict
 from ampi.scp.problem.scaled_problem import OptimalControlProblem

@@ -16,7 +16,7 @@ from matplotlib.ticker import FuncFormatter
 from numpy.typing import NDArray
 
 from ampi.missions.mission import Mission
-from ampi.missions.path_limits import PathLimits
+from ampi.missions.path_limits import LimitKind, PathLimits
 from ampi.report.figures.look import INK, LIMIT_COLOUR, new_figure
 from ampi.report.quantities import (
     DYNAMIC_PRESSURE,
@@ -125,11 +125,11 @@ def loads(mission: Mission) -> tuple[Load, ...]:
             limits.load_factor,
         ),
     }
-    names = PathLimits.of(mission).on_the_path
+    drawn = (LimitKind.LOAD, LimitKind.DRAG_FLOOR)
     return tuple(
         Load(name, i, *known.get(name, (use_of(name), 1.0)))
-        for i, name in enumerate(names)
-        if not name.startswith("no_fly_zone")
+        for i, (name, kind) in enumerate(PathLimits.of(mission).kinds.items())
+        if kind in drawn
     )
 
 

@@ -29,39 +29,48 @@ f₀ = ½[f(0) + f(π)], B = (½[f(0) − f(π)], ½[f(π/2) − f(−π/2)]) ov
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ampi.missions.final_states import FinalState, final_states
 from ampi.missions.mission import Mission
+from ampi.missions.path_limits import LimitKind, PathLimits
 from ampi.physics.equations_of_motion import equations_of_motion
 from ampi.physics.path_constraints import path_constraints
-from ampi.physics.state import CIRCULAR_STATES, LOADS
+from ampi.physics.state import (
+    ALTITUDE,
+    AZIMUTH,
+    BANK,
+    FLIGHT_PATH_ANGLE,
+    LATITUDE,
+    LONGITUDE,
+    N_STATES,
+    SPEED,
+)
 from ampi.physics.vehicle import air_loads
 from ampi.pseudospectral.mesh import Mesh
 from ampi.scp.literature.chattering import reversals
 from ampi.scp.literature.coast import JUMP, Coast
 from ampi.scp.literature.collocation import line_mesh
 from ampi.scp.literature.formulation import (
-    FinalState,
     Linearisation,
     Term,
     TermKind,
     TracedFunctions,
-    no_fly_zone_names,
-    no_fly_zone_values,
 )
+from ampi.scp.problem.scaled_problem import Scaling
 from ampi.trajectory import Status, Trajectory
 
 Array = NDArray[np.float64]
 
-SCALE = (1e4, 1.0, 1.0, 1.0, 1.0)  # m, rad
 FASTEST = 1.0  # s per unit of energy, far below any dt/ds of a flight
 HIGHEST = 200e3  # m, where the altitude bounds are looked for
-STATE_OF = (0, 1, 2, 4, 5)  # h, θ, φ, γ, ψ among the states over time
+STATE_OF = (ALTITUDE, LONGITUDE, LATITUDE, FLIGHT_PATH_ANGLE, AZIMUTH)  # among those over time
+SCALE = tuple(Scaling().states[state] for state in STATE_OF)  # m, rad
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,7 +108,7 @@ class EnergyDomain:
     @cached_property
     def first_energy(self) -> float:
         """e₀ at the handover."""
-        return float(self.energy(self.coast.handover[0], self.coast.handover[3]))
+        return float(self.energy(self.coast.handover[ALTITUDE], self.coast.handover[SPEED]))
 
     @cached_property
     def energy_range(self) -> float:
@@ -115,15 +124,9 @@ class EnergyDomain:
     @property
     def target(self) -> tuple[FinalState, ...]:
         """Final states, Liu Eq. (8) and its ranges; the final energy holds the speed."""
-        target = self.mission.target
-        held: list[tuple[int, float, float]] = [(0, target.altitude / 1e4, target.altitude / 1e4)]
-        if target.position == "fixed":
-            held.append((1, target.longitude, target.longitude))
-            held.append((2, target.latitude, target.latitude))
-        for state, angles in ((3, target.flight_path_angle), (4, target.azimuth)):
-            if angles is not None:
-                held.append((state, *angles))
-        return tuple(FinalState(*row, STATE_OF[row[0]] in CIRCULAR_STATES) for row in held)
+        held = (one for one in final_states(self.mission) if one.state != SPEED)
+        rows = ((STATE_OF.index(one.state), one) for one in held)
+        return tuple(replace(one.over(SCALE[row]), state=row) for row, one in rows)
 
     @property
     def terms(self) -> tuple[Term, ...]:
@@ -157,8 +160,10 @@ class EnergyDomain:
     @property
     def limit_names(self) -> tuple[str, ...]:
         """Kinds of limits, in order."""
-        names = [*no_fly_zone_names(self.mission), *LOADS]
-        return (*names, "drag_floor") if self.mission.limits.drag_floor is not None else (*names,)
+        kinds = PathLimits.of(self.mission).kinds.items()
+        zones = (name for name, kind in kinds if kind is LimitKind.NO_FLY_ZONE)
+        others = (name for name, kind in kinds if kind in (LimitKind.LOAD, LimitKind.DRAG_FLOOR))
+        return (*zones, *others)
 
     @cached_property
     def functions(self) -> TracedFunctions:
@@ -192,7 +197,7 @@ class EnergyDomain:
                 "ground_range": along / 1e3 / energy_rate,
                 "side": -0.5 * (right[5] - left[5]) / energy_rate * u[1],
             }
-            zones = no_fly_zone_values(self.mission, longitude, latitude)
+            zones = PathLimits.of(self.mission).zones(longitude, latitude)
             clock = 1.0 / energy_rate  # dt/ds, for the trajectory over time
             return rates, zones, [*(integrand[name] for name in names), clock]
 
@@ -280,8 +285,7 @@ class EnergyDomain:
 
     def altitude_floors(self, s: Array) -> Array:
         """l_q, l_Q, l_n of Liu Eq. (12): (3, n) m."""
-        model, limits = self.mission.flight_model, self.mission.limits
-        over = [getattr(limits, name) for name in LOADS]
+        model, over = self.mission.flight_model, PathLimits.of(self.mission).loads
 
         def excess(kind: int, altitude: Array) -> Array:
             speed = self.speed(altitude, s + self.first_energy)
@@ -298,10 +302,10 @@ class EnergyDomain:
 
     def altitude_ceiling(self, s: Array) -> Array | None:
         """Highest altitude with the drag floor (m), inf above its speed; None without a floor."""
-        model, limits = self.mission.flight_model, self.mission.limits
-        if limits.drag_floor is None or limits.drag_floor_speed is None:
+        model, limit = self.mission.flight_model, PathLimits.of(self.mission).drag_floor
+        if limit is None:
             return None
-        floor = limits.drag_floor * model.planet.load_factor_gravity
+        floor, below = limit
 
         def surplus(altitude: Array) -> Array:
             speed = self.speed(altitude, s + self.first_energy)
@@ -310,7 +314,7 @@ class EnergyDomain:
 
         ceiling = _last_root(surplus, self._highest(s))
         speed = self.speed(ceiling, s + self.first_energy)
-        return np.where(speed <= limits.drag_floor_speed, ceiling, 10.0 * HIGHEST)
+        return np.where(speed <= below, ceiling, 10.0 * HIGHEST)
 
     def trajectory(self, mesh: Mesh, x: Array, u: Array, final: float) -> Trajectory:
         """See `Formulation`: time by the trapezoid of dt/ds, the coast before it.
@@ -321,15 +325,15 @@ class EnergyDomain:
         clock = self.functions.linearise(x, np.zeros_like(u), s).integrands[:, -1]
         clock = np.maximum(clock, FASTEST)  # an iterate that diverged may have time run backwards
         elapsed = np.concatenate([[0.0], np.cumsum(0.5 * np.diff(s) * (clock[1:] + clock[:-1]))])
-        states = np.empty((7, len(x)))
+        states = np.empty((N_STATES, len(x)))
         states[list(STATE_OF)] = (x * self.state_scale).T
-        states[3] = self.speed(states[0], s + self.first_energy)
+        states[SPEED] = self.speed(states[ALTITUDE], s + self.first_energy)
         sign, turns = reversals(s, u)
         turns = np.interp(turns, s, elapsed)
-        states[6] = np.arccos(np.clip(u[:, 0], -1.0, 1.0))
+        states[BANK] = np.arccos(np.clip(u[:, 0], -1.0, 1.0))
         every = np.union1d(elapsed, np.concatenate([turns - 0.5 * JUMP, turns + 0.5 * JUMP]))
         states = np.array([np.interp(every, elapsed, row) for row in states])
-        states[6] *= sign * (-1.0) ** np.searchsorted(turns, every)
+        states[BANK] *= sign * (-1.0) ** np.searchsorted(turns, every)
         elapsed = every
         before = self.coast.times[:-1]
         times = np.concatenate([before, self.coast.times[-1] + elapsed])
@@ -337,7 +341,7 @@ class EnergyDomain:
         return Trajectory(
             mesh=line_mesh(times / times[-1]),
             states=states,
-            bank_rate=np.gradient(states[6], times),
+            bank_rate=np.gradient(states[BANK], times),
             final_time=float(times[-1]),
             cost=np.nan,
             status=Status.ITERATION_LIMIT,

@@ -20,9 +20,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from ampi.missions.mission import Mission
-from ampi.physics.angles import on_turn_of
-from ampi.physics.path_constraints import no_fly_zone
+from ampi.missions.final_states import FinalState
 from ampi.pseudospectral.mesh import Mesh
 from ampi.trajectory import Trajectory
 
@@ -44,26 +42,6 @@ class Term:
     name: str
     weight: float
     kind: TermKind
-
-
-@dataclass(frozen=True)
-class FinalState:
-    """A final state held to a range (scaled); equal bounds hold it to a value.
-
-    A circular angle (rad) is the same modulo a turn.
-    """
-
-    state: int
-    lower: float
-    upper: float
-    is_circular: bool = False
-
-    def change(self, final: float) -> tuple[float, float]:
-        """Least and greatest change that takes `final` into the range: of an angle, the short way."""
-        if self.is_circular:
-            middle = 0.5 * (self.lower + self.upper)
-            final += middle - on_turn_of(middle, final)
-        return self.lower - final, self.upper - final
 
 
 @dataclass(frozen=True)
@@ -248,17 +226,3 @@ class TracedFunctions:
             integrand_control=stack(lu, n_u),
             integrand_curvature=stack(lxx, columns),
         )
-
-
-def no_fly_zone_values(mission: Mission, longitude: Any, latitude: Any) -> list[Any]:
-    """g of every zone: at most 1 outside. Its linearisation stands for Liu 2015, Eq. (72)."""
-    radius = mission.flight_model.planet.equatorial_radius
-    return [
-        no_fly_zone(longitude, latitude, (z.longitude, z.latitude, z.radius / radius))
-        for z in mission.no_fly_zone
-    ]
-
-
-def no_fly_zone_names(mission: Mission) -> tuple[str, ...]:
-    """Names of the zones' limits."""
-    return tuple(f"no_fly_zone {k}" for k in range(1, len(mission.no_fly_zone) + 1))

@@ -30,9 +30,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from ampi.missions.final_states import TargetMiss
 from ampi.missions.mission import Mission
 from ampi.missions.path_limits import KEPT
-from ampi.physics.planet import great_circle_distance
 from ampi.pseudospectral.mesh import Mesh
 from ampi.scp.literature.acceleration import AitkenRelaxation
 from ampi.scp.literature.adaptive_mesh import LocalErrorAdaptation, global_error
@@ -214,15 +214,7 @@ def _status(mission: Mission, ended: str, flight: Trajectory, excess: float) -> 
         return Status.SUBPROBLEM_FAILED
     if not excess <= KEPT:  # NaN too
         return Status.LIMITS_EXCEEDED
-    target, final = mission.target, flight.states[:, -1]
-    radius = mission.flight_model.planet.equatorial_radius
-    miss = great_circle_distance(final[1], final[2], target.longitude, target.latitude, radius)
-    met = (
-        (target.position == "free" or miss <= 1e3)
-        and abs(final[0] - target.altitude) <= target.altitude_tolerance
-        and abs(final[3] - target.speed) <= target.speed_tolerance
-    )
-    if not met:
+    if not TargetMiss.of(mission, flight.states[:, -1]).is_met:
         return Status.TARGET_MISSED
     return Status.REFINEMENT_LIMIT if ended == "cap" else Status.SOLVED
 

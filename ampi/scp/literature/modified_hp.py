@@ -30,6 +30,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from ampi.missions.path_limits import KEPT
 from ampi.pseudospectral.lagrange import barycentric_weights, interpolation_matrix
 from ampi.pseudospectral.mesh import Mesh, Phase
 from ampi.scp.literature.birkhoff import birkhoff_error, chebyshev_gauss_lobatto
@@ -44,7 +45,7 @@ class ModifiedHpSettings:
     """Tolerances, degrees and caps; the paper's ε_e, H₁, H₂ and r_max, whose values are unpublished."""
 
     tolerance: tuple[float, ...]  # ε_e per state, SI or rad
-    limit_tolerance: float = 1e-3  # relative excess between the nodes
+    limit_tolerance: float = KEPT  # relative excess between the nodes
     least_degree: int = 4  # H₁
     greatest_degree: int = 14  # H₂
     boost: int = 3  # degrees added where a limit peaks between the nodes

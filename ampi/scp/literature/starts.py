@@ -14,8 +14,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ampi.missions.final_states import final_states
 from ampi.missions.mission import Mission
 from ampi.physics.angles import on_turn_of
+from ampi.physics.state import AZIMUTH, LATITUDE, LONGITUDE
 from ampi.pseudospectral.mesh import Mesh, Phase
 from ampi.scp.guess import ConstantBank, constant_bank_guess, default_guess
 from ampi.scp.literature.coast import until_drag, until_level
@@ -52,20 +54,18 @@ def straight_line(points: int, flight_time: float) -> Callable[[Mission], Start 
         form = TimeDomain.from_mission(mission, coast)
         target, tau = mission.target, np.linspace(0.0, 1.0, points)
         first = np.append(coast.handover, 0.0)
-        angles = [a if a is None else 0.5 * (a[0] + a[1]) for a in _final_angles(mission)]
-        last = np.array([target.altitude, target.longitude, target.latitude, target.speed, 0, 0, 0])
-        last[4] = first[4] if angles[0] is None else angles[0]
-        last[5] = first[5] if angles[1] is None else angles[1]
-        last[[1, 5]] = on_turn_of(last[[1, 5]], first[[1, 5]])
+        last = first.copy()
+        last[[LONGITUDE, LATITUDE]] = target.longitude, target.latitude
+        for held in final_states(mission):
+            last[held.state] = held.middle
+        last[[LONGITUDE, AZIMUTH]] = on_turn_of(
+            last[[LONGITUDE, AZIMUTH]], first[[LONGITUDE, AZIMUTH]]
+        )
         states = (first + (last - first) * tau[:, None]) / form.state_scale
         iterate = Iterate(line_mesh(tau), states, np.zeros((points, 1)), flight_time)
         return Start(form, iterate)
 
     return start
-
-
-def _final_angles(mission: Mission) -> tuple[tuple[float, float] | None, ...]:
-    return mission.target.flight_path_angle, mission.target.azimuth
 
 
 def flown(mesh: Mesh) -> Callable[[Mission], Start | None]:

@@ -14,28 +14,28 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ampi.missions.final_states import FinalState, final_states
 from ampi.missions.mission import Mission
-from ampi.physics.equations_of_motion import equations_of_motion
+from ampi.missions.path_limits import PathLimits
+from ampi.physics.equations_of_motion import FlightModel, equations_of_motion
 from ampi.physics.path_constraints import path_constraints
-from ampi.physics.state import CIRCULAR_STATES, LOADS
-from ampi.physics.vehicle import air_loads
+from ampi.physics.state import ALTITUDE, BANK, FLIGHT_PATH_ANGLE, LOADS, N_STATES, SPEED
 from ampi.pseudospectral.mesh import Mesh
 from ampi.scp.literature.coast import Coast
 from ampi.scp.literature.formulation import (
-    FinalState,
     Linearisation,
     Term,
     TermKind,
     TracedFunctions,
-    no_fly_zone_names,
-    no_fly_zone_values,
 )
+from ampi.scp.problem.scaled_problem import Scaling
 from ampi.trajectory import Status, Trajectory
 
 Array = NDArray[np.float64]
 
-SCALE = (1e4, 1.0, 1.0, 1e3, 1.0, 1.0, 1.0)  # m, rad, m/s
+SCALE = Scaling().states  # m, rad, m/s
 SECONDS = 100.0  # per unit of δt_f
+FLOOR_BEGINS = 20.0  # m/s, over which the drag floor begins
 DEGREE = float(np.pi / 180.0)
 
 
@@ -48,7 +48,7 @@ class TimeDomain:
     terms: tuple[Term, ...]
     functions: TracedFunctions
     limit_names: tuple[str, ...]
-    n_states: int = 7
+    n_states: int = N_STATES
     n_controls: int = 1
     state_scale: Array = field(default_factory=lambda: np.array(SCALE))
     final_scale: float = SECONDS
@@ -58,10 +58,8 @@ class TimeDomain:
     @classmethod
     def from_mission(cls, mission: Mission, coast: Coast | None = None) -> TimeDomain:
         """Trace a mission's problem."""
-        names = [*LOADS, *no_fly_zone_names(mission)]
-        if mission.limits.drag_floor is not None:
-            names.append("drag_floor")
-        return cls(mission, coast, _terms(mission), _traced(mission), tuple(names))
+        names = PathLimits.of(mission).on_the_path
+        return cls(mission, coast, _terms(mission), _traced(mission), names)
 
     @property
     def entry(self) -> Array:
@@ -72,20 +70,8 @@ class TimeDomain:
     @property
     def target(self) -> tuple[FinalState, ...]:
         """The final states that the mission holds."""
-        target = self.mission.target
-        held: list[tuple[int, float, float]] = [(0, target.altitude, target.altitude)]
-        if target.position == "fixed":
-            held.append((1, target.longitude, target.longitude))
-            held.append((2, target.latitude, target.latitude))
-        held.append((3, target.speed, target.speed))
-        for state, angles in ((4, target.flight_path_angle), (5, target.azimuth)):
-            if angles is not None:
-                held.append((state, *angles))
         scale = self.state_scale
-        return tuple(
-            FinalState(k, low / scale[k], high / scale[k], k in CIRCULAR_STATES)
-            for k, low, high in held
-        )
+        return tuple(held.over(scale[held.state]) for held in final_states(self.mission))
 
     @property
     def final_cost(self) -> float:
@@ -95,7 +81,7 @@ class TimeDomain:
     @property
     def state_bounds(self) -> tuple[Array, Array]:
         """The bank limit."""
-        upper = np.append(np.full(6, np.inf), self.mission.limits.bank_angle)
+        upper = np.append(np.full(BANK, np.inf), self.mission.limits.bank_angle)
         return -upper, upper
 
     @property
@@ -144,53 +130,39 @@ def _terms(mission: Mission) -> tuple[Term, ...]:
     return tuple(term for term in terms if term.weight != 0.0)
 
 
-@lru_cache(maxsize=8)
-def _trace(key: str, holder: _Holder) -> TracedFunctions:
-    mission = holder.mission
-    model, limits, objective = mission.flight_model, mission.limits, mission.objective
-    scale, names = SCALE, [term.name for term in _terms(mission)]
-    over = (limits.dynamic_pressure, limits.heat_flux, limits.load_factor)
+def _traced(mission: Mission) -> TracedFunctions:
+    terms = tuple(term.name for term in _terms(mission))
+    wanted = mission.objective.desired_altitude_rate or 0.0
+    limits = PathLimits.of(mission)
+    return _trace(mission.flight_model, limits, terms, wanted)
 
+
+@lru_cache(maxsize=8)
+def _trace(
+    model: FlightModel, limits: PathLimits, terms: tuple[str, ...], altitude_rate: float
+) -> TracedFunctions:
     def build(x: Any, u: Any, t: Any) -> tuple[list[Any], list[Any], list[Any]]:
-        physical = [x[k] * scale[k] for k in range(7)]
+        physical = [x[k] * SCALE[k] for k in range(N_STATES)]
+        speed, radius = physical[SPEED], model.planet.equatorial_radius
         rate = u[0] * limits.bank_rate
         rates = equations_of_motion(model, physical, rate, t)
-        path = path_constraints(model, physical, t)
-        bounded = [value / most for value, most in zip(path, over, strict=True)]
-        bounded += no_fly_zone_values(mission, physical[1], physical[2])
-        air = air_loads(model.vehicle, model.atmosphere, physical[0], physical[3], t)
-        if limits.drag_floor is not None and limits.drag_floor_speed is not None:
-            floor = limits.drag_floor * model.planet.load_factor_gravity
-            below = 0.5 * (1.0 - np.tanh((physical[3] - limits.drag_floor_speed) / 20.0))
-            bounded.append(1.0 + below * (1.0 - air.drag / floor))
-        radius = model.planet.equatorial_radius
+        heat_flux = path_constraints(model, physical, t)[LOADS.index("heat_flux")]
+        over_ground = speed * np.cos(physical[FLIGHT_PATH_ANGLE]) * radius / (radius + physical[0])
         integrand = {
             "bank_rate_effort": (rate / DEGREE) ** 2,
             "bank_rate_variation": rate / DEGREE,
-            "heat_load": path[1] / 1e6,
-            "ground_range": physical[3]
-            * np.cos(physical[4])
-            * radius
-            / (radius + physical[0])
-            / 1e3,
-            "descent_rate": rates[0] - (objective.desired_altitude_rate or 0.0),
+            "heat_load": heat_flux / 1e6,
+            "ground_range": over_ground / 1e3,
+            "descent_rate": rates[ALTITUDE] - altitude_rate,
         }
+        use = dict(zip(limits.on_the_path, limits.path(model, physical, t), strict=True))
+        if limits.drag_floor is not None:  # a step in an interval stops these methods: smooth it
+            below = 0.5 * (1.0 - np.tanh((speed - limits.drag_floor[1]) / FLOOR_BEGINS))
+            use["drag_floor"] = 1.0 + below * (limits.floor_use(model, physical, t) - 1.0)
         return (
-            [r / scale[k] for k, r in enumerate(rates)],
-            bounded,
-            [integrand[name] for name in names],
+            [r / SCALE[k] for k, r in enumerate(rates)],
+            [*use.values()],
+            [integrand[name] for name in terms],
         )
 
-    return TracedFunctions(7, 1, build)
-
-
-@dataclass(frozen=True)
-class _Holder:
-    """Carries the mission past the cache, whose key is its text and entry state."""
-
-    mission: Mission = field(compare=False)
-
-
-def _traced(mission: Mission) -> TracedFunctions:
-    derived = mission.model_dump_json(exclude={"toml", "entry", "mesh", "grid", "guess"})
-    return _trace(derived, _Holder(mission))
+    return TracedFunctions(N_STATES, 1, build)

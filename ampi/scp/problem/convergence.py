@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from ampi.missions.final_states import HORIZONTAL_TOLERANCE
 from ampi.missions.path_limits import KEPT
 from ampi.physics.planet import great_circle_distance
 from ampi.physics.state import N_STATES
@@ -30,7 +31,7 @@ class ConvergenceSettings:
 
     step: float = 3e-4
     limit_excess: float = KEPT  # relative excess of a path limit at the nodes
-    horizontal_miss: float = 1e3  # m: beyond, the target counts as missed
+    horizontal_miss: float = HORIZONTAL_TOLERANCE  # m: beyond, the target counts as missed
 
 
 def verdict(

@@ -4,13 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from ampi.missions.final_states import ANGLE_TOLERANCE, HORIZONTAL_TOLERANCE, TargetMiss
 from ampi.missions.mission import Mission
-from ampi.missions.path_limits import KEPT, PathLimits
-from ampi.physics.angles import on_turn_of
-from ampi.physics.planet import great_circle_distance
+from ampi.missions.path_limits import KEPT, LimitKind, PathLimits
 from ampi.trajectory import POSITION_TOLERANCE, FlightCheck, Status, Trajectory
-
-DEGREE = float(np.pi / 180.0)
 
 
 def verdict(mission: Mission, trajectory: Trajectory) -> str:
@@ -59,16 +56,14 @@ def _exceeded(mission: Mission, trajectory: Trajectory) -> list[str]:
     found = []
     with np.errstate(invalid="ignore"):  # at a negative speed there is no heat flux
         uses = limits.use(mission.flight_model, trajectory.states, rate, times)
-    for name, use in zip(limits.names, uses, strict=True):
+    for (name, kind), use in zip(limits.kinds.items(), uses, strict=True):
         excess = float(np.max(use)) - 1.0
         if not excess > KEPT:
             continue
-        if name.startswith("no_fly_zone"):
-            share = np.sqrt(
-                max(0.0, 1.0 - excess)
-            )  # g = 2 − share², but for the sphere's curvature
+        if kind is LimitKind.NO_FLY_ZONE:  # g = 2 − share², but for the sphere's curvature
+            share = np.sqrt(max(0.0, 1.0 - excess))
             found.append(f"{name} is entered, as near to its centre as {share:.2f} of its radius")
-        elif name == "drag_floor":
+        elif kind is LimitKind.DRAG_FLOOR:
             found.append(f"drag is {_short(100.0 * excess)} % below the drag_floor")
         else:
             found.append(f"{name} is {_short(100.0 * excess)} % above its limit")
@@ -76,28 +71,17 @@ def _exceeded(mission: Mission, trajectory: Trajectory) -> list[str]:
 
 
 def _missed(mission: Mission, trajectory: Trajectory) -> list[str]:
-    target, final = mission.target, trajectory.states[:, -1]
-    radius = mission.flight_model.planet.equatorial_radius
-    miss = great_circle_distance(final[1], final[2], target.longitude, target.latitude, radius)
-    found = []
-    if target.position == "fixed" and miss > 1e3:
-        found.append(f"the flight ends {_short(miss / 1e3)} km from the target")
-    height, speed = final[0] - target.altitude, final[3] - target.speed
+    target, miss = mission.target, TargetMiss.of(mission, trajectory.states[:, -1])
+    found, height, speed = [], miss.altitude, miss.speed
+    if miss.horizontal > HORIZONTAL_TOLERANCE:
+        found.append(f"the flight ends {_short(miss.horizontal / 1e3)} km from the target")
     if abs(height) > target.altitude_tolerance:
         found.append(f"{_short(abs(height) / 1e3)} km too {'high' if height > 0.0 else 'low'}")
     if abs(speed) > target.speed_tolerance:
         found.append(f"{_short(abs(speed))} m/s too {'fast' if speed > 0.0 else 'slow'}")
-    for name, angle, span in (
-        ("flight_path_angle", final[4], target.flight_path_angle),
-        ("azimuth", final[5], target.azimuth),
-    ):
-        if span is None:
-            continue
-        if name == "azimuth":
-            angle = on_turn_of(angle, 0.5 * (span[0] + span[1]))
-        off = max(angle - span[1], span[0] - angle) / DEGREE
-        if off > 0.1:
-            found.append(f"the final {name} is {_short(off)}° off")
+    for name, off in miss.angles.items():
+        if off > ANGLE_TOLERANCE:
+            found.append(f"the final {name} is {_short(float(np.degrees(off)))}° off")
     return found
 
 
