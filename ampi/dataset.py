@@ -35,7 +35,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ampi.missions.loading import parse_mission
-from ampi.missions.mission import Mission, MissionError
+from ampi.missions.mission import Mission
+from ampi.missions.sections import MissionError
 from ampi.physics.state import CONTROL_UNITS, STATE_UNITS
 from ampi.trajectory import Statistics, Status, Trajectory
 

@@ -9,7 +9,6 @@ import numpy as np
 
 from ampi.dataset import DatasetError, TrajectoryDataset, read_dataset
 from ampi.guidance import Guidance
-from ampi.missions.mission import mission_digest
 from ampi.onboard.reference import Mode
 from ampi.onboard.row_layout import LINEAR_TRACKING, RowKind
 from ampi.onboard.table import GuidanceTable, nearest_solved
@@ -119,5 +118,5 @@ def guidance_of(
             for limit in ("angle", "rate", "acceleration")
             if f"limits.bank_{limit}" in names
         },
-        mission_sha256=mission_digest(dataset.mission),
+        mission_sha256=dataset.mission.digest,
     )

@@ -135,7 +135,14 @@ def build(
     ------
     BuildError
         If the build cannot start or go on; what is finished stays.
+    MissionError
+        If the mission, or a point of its grid, says what no mission file could.
     """
+    if not isinstance(mission, Mission):
+        raise BuildError(
+            f"mission: expected a Mission, got {mission!r:.60}; load one with ampi.load_mission(name)"
+        )
+    mission.checked()
     require_workers(n_jobs)
     if not 0.0 < time_limit < np.inf:
         raise BuildError(f"time_limit: expected a positive number of seconds, got {time_limit}")

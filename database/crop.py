@@ -1,7 +1,7 @@
 """A part of a database's grid as a database of its own: without the cases that nobody can solve.
 
 Nothing is solved: the optima that stay are taken over, those that could not be solved stay what they
-are. As in a refinement (database.refine) the mission's text is edited, not its parsed form.
+are.
 """
 
 from __future__ import annotations
@@ -13,12 +13,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-import tomlkit
 from numpy.typing import NDArray
 
 from ampi.dataset import TrajectoryDataset, read_dataset
-from ampi.missions.grid import leaves
-from ampi.missions.loading import parse_mission
 from ampi.missions.mission import Mission
 from ampi.missions.parameters import measured_values
 from ampi.scp.solve import solve
@@ -170,8 +167,6 @@ def with_points(mission: Mission, kept: Kept) -> Mission:
     BuildError
         If that is the whole grid, or a single point.
     """
-    document = tomlkit.parse(mission.toml)
-    arrays = dict(leaves(document["grid"]))
     if all(len(stays) == len(p.offsets) for p, stays in zip(mission.parameters, kept, strict=True)):
         raise BuildError(
             f"{mission.name}: expected something to leave out, got a grid without a hole"
@@ -181,11 +176,11 @@ def with_points(mission: Mission, kept: Kept) -> Mission:
             f"{mission.name}: nothing but the nominal case would be left; a grid needs an axis of two "
             "points: leave out less, or move the nominal values away from what cannot be solved"
         )
-    for p, stays in zip(mission.parameters, kept, strict=True):
-        for i in reversed(range(len(p.offsets))):
-            if i not in stays:
-                del arrays[p.key][i]
-    return parse_mission(tomlkit.dumps(document), label=f"{mission.name}, cropped")
+    axes = {
+        p.key: [p.offsets[i] for i in stays]
+        for p, stays in zip(mission.parameters, kept, strict=True)
+    }
+    return mission.with_grid({**dict(mission.grid.offsets), **axes})
 
 
 def taken_over(dataset: TrajectoryDataset, kept: Kept) -> dict[int, KnownCase]:

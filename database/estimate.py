@@ -72,6 +72,7 @@ class Estimate:
 def estimate(mission: Mission, path: str | Path, *, workers: int) -> Estimate:
     """What building the mission's grid to `path` will take; nothing is solved."""
     path = Path(path).absolute()
+    mission.checked()
     cases = math.prod(len(p.offsets) for p in mission.parameters)
     nodes = mission.pseudospectral_mesh.n_nodes
     together = Campaign(mission.toml, path).together

@@ -1,23 +1,18 @@
 """One more point on one axis: the refined mission, with every solved case of the old database in it.
 
 The grid is a Cartesian product, so a new axis value adds a whole layer of cases; every old case is a
-case of the new grid. The mission's text is edited (tomlkit), not its parsed form: the
-file carries the text, comments and all.
+case of the new grid.
 """
 
 from __future__ import annotations
 
-from bisect import bisect
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-import tomlkit
 
 from ampi.dataset import TrajectoryDataset, read_dataset
-from ampi.missions.grid import leaves
-from ampi.missions.loading import parse_mission
 from ampi.missions.mission import Mission
 from ampi.scp.solve import solve
 from database.audit.error_map import CellError, best_cell, error_map
@@ -83,10 +78,8 @@ def refine(
 def with_point(mission: Mission, parameter: str, offset: float) -> Mission:
     """The mission with `offset` (in the unit of the axis' key) added to an axis of its grid."""
     axis = next(p for p in mission.parameters if p.name == parameter)
-    document = tomlkit.parse(mission.toml)
-    offsets = next(array for key, array in leaves(document["grid"]) if key == axis.key)
-    offsets.insert(bisect(axis.offsets, offset), offset)
-    return parse_mission(tomlkit.dumps(document), label=f"{mission.name}, refined")
+    offsets = dict(mission.grid.offsets)
+    return mission.with_grid({**offsets, axis.key: sorted([*offsets[axis.key], offset])})
 
 
 def carried_over(

@@ -51,7 +51,7 @@ def refusals() -> Iterator[None]:
 
 def _sentence(error: Exception) -> str:
     """The file before what befell it, without the system's number."""
-    from ampi.missions.mission import MissionError
+    from ampi.missions.sections import MissionError
 
     if isinstance(error, OSError) and error.filename is not None:
         return f"{escaped(error.filename)}: {error.strerror}"

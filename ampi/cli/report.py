@@ -62,10 +62,9 @@ def report(
 def _require_same_mission(
     dataset: TrajectoryDataset, path: Path, flown: Mapping[str, Flights], campaigns: Path
 ) -> None:
-    from ampi.missions.mission import mission_digest
 
     for flights in flown.values():
-        if flights.mission_sha256 != mission_digest(dataset.mission):
+        if flights.mission_sha256 != dataset.mission.digest:
             raise ValueError(
                 f"{campaigns}: flown from a database of another mission than {path} "
                 f"({_difference(flights.mission, dataset.mission.name)}); fly this database again"

@@ -79,6 +79,7 @@ def _solve(mission: Mission, method: str, bank_angle: float | None, refined: boo
 
 
 def _as_dict(mission: Mission, optimum: Trajectory, refined: bool) -> dict[str, Any]:
+    from ampi.missions.sections import MeshSection
     from ampi.scp.problem.shortfall import verdict
 
     statistics = optimum.statistics
@@ -88,7 +89,7 @@ def _as_dict(mission: Mission, optimum: Trajectory, refined: bool) -> dict[str, 
         "log": [asdict(row) for row in statistics.log],
         "rounds": [asdict(row) for row in statistics.rounds],
         "guesses": [_guess_row(one) for one in statistics.guesses],
-        **({"mesh_toml": optimum.mesh.toml} if refined else {}),
+        **({"mesh_toml": MeshSection.of(optimum.mesh).toml} if refined else {}),
     }
 
 
@@ -103,6 +104,7 @@ def _guess_row(one: GuessTried) -> dict[str, Any]:
 
 
 def _print_optimum(mission: Mission, optimum: Trajectory, refined: bool) -> None:
+    from ampi.missions.sections import MeshSection
     from ampi.scp.problem.shortfall import verdict
 
     out.print(convergence_table(optimum))
@@ -113,7 +115,7 @@ def _print_optimum(mission: Mission, optimum: Trajectory, refined: bool) -> None
         )
     if refined:
         out.print("the mesh, to paste into the mission in the place of its own:")
-        sys.stdout.write(optimum.mesh.toml)
+        sys.stdout.write(MeshSection.of(optimum.mesh).toml)
     if optimum.status.ok:  # else it is the error
         out.print(verdict(mission, optimum))
     print_summary(optimum.summary())

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Generic, TypeVar
+from typing import Any, Generic, Self, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -59,6 +59,17 @@ class MissionFamily(Generic[AnyMission]):
     def member(self, case: int) -> AnyMission:
         """One mission, unchecked: its numbers may stem from a measurement."""
         return with_numbers(self.mission, zip(self.paths, self.values[case].tolist(), strict=True))
+
+    def checked(self) -> Self:
+        """This family, if a mission file can say every section of its members (`Mission.checked`).
+
+        What is allowed of a number is an interval: its least and greatest value tell of all.
+        """
+        if len(self):
+            for row in (self.values.min(axis=0), self.values.max(axis=0)):
+                numbers = zip(self.paths, row.tolist(), strict=True)
+                with_numbers(self.mission, numbers).checked(whole=False)
+        return self
 
     def numbers(self, path: Path, trailing: int = 0) -> Any:
         """A number of the mission: itself, or where the cases differ (c,) with `trailing` axes of 1."""

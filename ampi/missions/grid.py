@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 import numpy as np
-from pydantic import Field, model_validator
+from pydantic import model_validator
 
 from ampi.missions.units import Section
 
@@ -15,8 +15,7 @@ from ampi.missions.units import Section
 class GridSection(Section):
     """Offsets from the nominal numbers, one strictly increasing axis per parameter, Eq. (9)."""
 
-    # by key, in the unit of the key
-    offsets: dict[str, tuple[float, ...]] = Field(default_factory=dict)
+    offsets: tuple[tuple[str, tuple[float, ...]], ...] = ()  # of a key, in the unit of the key
 
     @model_validator(mode="before")
     @classmethod
@@ -38,7 +37,11 @@ class GridSection(Section):
                 raise ValueError(
                     f"{key}: expected offsets that contain 0, the nominal value, got {list(axis)}"
                 )
-        return {"offsets": offsets}
+        return {"offsets": tuple(offsets.items())}
+
+    def as_written(self) -> dict[str, Any]:
+        """Offsets by key."""
+        return {key: list(axis) for key, axis in self.offsets}
 
 
 def leaves(table: Mapping[str, Any], path: str = "") -> Iterator[tuple[str, Any]]:

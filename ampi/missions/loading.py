@@ -12,8 +12,8 @@ from pydantic import TypeAdapter, ValidationError
 
 from ampi.missions import units as u
 from ampi.missions.agreement import disagreements
-from ampi.missions.mission import Mission, MissionError
-from ampi.missions.sections import MissionSections
+from ampi.missions.mission import Mission
+from ampi.missions.sections import MissionError, MissionSections
 
 
 @dataclass(frozen=True)
@@ -55,7 +55,7 @@ def parse_mission(text: str, label: str = "mission") -> Mission:
     except tomllib.TOMLDecodeError as error:
         raise MissionError(f"{label}: not valid TOML: {error}") from None
     try:
-        return Mission.model_validate({**data, "toml": text})
+        return Mission.model_validate(data)
     except ValidationError as error:
         lines = [line for fault in error.errors() for line in u.sentences(fault, data)]
         lines += _faults_of_the_rest(data, {str(f["loc"][0]) for f in error.errors() if f["loc"]})

@@ -3,35 +3,27 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import cached_property
 from typing import Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from pydantic import Field, model_validator
+from pydantic import ValidationError, model_validator
 
 from ampi.missions.agreement import disagreements
 from ampi.missions.family import MissionFamily
+from ampi.missions.grid import GridSection
 from ampi.missions.parameters import Parameter, Path, parameter_values, resolve, with_numbers
-from ampi.missions.sections import (
-    MODEL_SECTIONS,
-    MeshSection,
-    MissionSections,
-    PhaseSection,
-)
+from ampi.missions.sections import MODEL_SECTIONS, MeshSection, MissionError, MissionSections
+from ampi.missions.text import toml_text
+from ampi.missions.units import sentences
 from ampi.physics.state import ENTRY_STATES
 from ampi.pseudospectral.mesh import Mesh
 
 
-class MissionError(ValueError):
-    """A mission file that cannot be used; the message lists every faulty field."""
-
-
 class Mission(MissionSections):
     """A whole mission, frozen. Everything in SI and radians; load one with `load_mission`."""
-
-    toml: str = Field(default="", repr=False)
 
     @model_validator(mode="after")
     def _parts_fit(self) -> Mission:
@@ -68,9 +60,19 @@ class Mission(MissionSections):
         return found
 
     @cached_property
+    def toml(self) -> str:
+        """Its text, from which `parse_mission` makes the same mission, to the bit."""
+        return toml_text(self.as_written())
+
+    @cached_property
+    def digest(self) -> str:
+        """SHA-256 of its text: what a database and its flights belong to."""
+        return hashlib.sha256(self.toml.encode()).hexdigest()
+
+    @cached_property
     def parameters(self) -> tuple[Parameter, ...]:
         """What the grid disperses: the d numbers of p, entry states first."""
-        return resolve(self, self.grid.offsets)
+        return resolve(self, dict(self.grid.offsets))
 
     @property
     def grid_axes(self) -> tuple[NDArray[np.float64], ...]:
@@ -111,26 +113,37 @@ class Mission(MissionSections):
 
     def with_mesh(self, mesh: Mesh) -> Mission:
         """The same mission on another pseudospectral mesh."""
-        phases = [
-            PhaseSection.model_construct(end=p.end, degrees=p.degrees, fractions=p.fractions)
-            for p in mesh.phases
-        ]
-        section = MeshSection.model_construct(phase=tuple(phases))
-        copied = super().model_copy(update={"mesh": section})  # the model stays
+        copied = self.model_copy(update={"mesh": MeshSection.of(mesh)})
         copied.__dict__["pseudospectral_mesh"] = mesh
         return copied
 
+    def with_grid(self, offsets: Mapping[str, Sequence[float]]) -> Mission:
+        """The same mission with another grid: offsets by key, in the unit of the key.
+
+        Raises
+        ------
+        MissionError
+            If an axis does not increase, has no nominal value or names no number of the mission.
+        """
+        try:
+            grid = GridSection.model_validate(dict(offsets))
+        except ValidationError as error:
+            found = [line for fault in error.errors() for line in sentences(fault, {})]
+            raise MissionError(f"{self.name}: grid: {'; '.join(found)}") from None
+        return self.model_copy(update={"grid": grid}).checked()
+
     def model_copy(self, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> Self:
-        """A copy with other sections; what is derived from those is derived anew."""
+        """A copy with other sections, unchecked; it keeps what it has derived of the others."""
         copied = super().model_copy(update=update, deep=deep)
-        copied.__dict__.pop("parameters", None)
-        if any(getattr(copied, name) is not getattr(self, name) for name in MODEL_SECTIONS):
-            copied.__dict__.pop("flight_model", None)
-        if copied.mesh is not self.mesh:
-            copied.__dict__.pop("pseudospectral_mesh", None)
+        for derived, sections in DERIVED.items():
+            alike = all(getattr(copied, name) is getattr(self, name) for name in sections)
+            if derived in self.__dict__ and alike:
+                copied.__dict__[derived] = self.__dict__[derived]
         return copied
 
 
-def mission_digest(mission: Mission) -> str:
-    """SHA-256 of the mission's TOML: what a database and its flights belong to."""
-    return hashlib.sha256(mission.toml.encode()).hexdigest()
+DERIVED = {  # what a mission may keep where these sections stay
+    "flight_model": MODEL_SECTIONS,
+    "pseudospectral_mesh": ("mesh",),
+    "parameters": tuple(name for name in Mission.model_fields if name != "mesh"),
+}

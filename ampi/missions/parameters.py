@@ -146,6 +146,11 @@ def resolve(mission: BaseModel, grid: Mapping[str, tuple[float, ...]]) -> tuple[
     found: dict[str, Parameter] = {}
     for key, offsets in grid.items():
         number = known.get(key) or long.get(key)
+        if number is None and _is_structure(mission, key):
+            raise ValueError(
+                f"grid.{key}: expected a number that leaves the structure of the mission as it is, got "
+                "one that its structure depends on (the mesh, the name of a model); build each by itself"
+            )
         if number is None:
             near = get_close_matches(key, {**known, **long}, n=4, cutoff=0.5)
             raise ValueError(
@@ -163,6 +168,19 @@ def resolve(mission: BaseModel, grid: Mapping[str, tuple[float, ...]]) -> tuple[
             f"got {len(parameters)}; leave some numbers at their nominal value"
         )
     return parameters
+
+
+def _is_structure(mission: BaseModel, key: str) -> bool:
+    """Whether `key` names a part of the mission that no parameter may move."""
+    here: Any = mission
+    for part in key.split("."):
+        if isinstance(here, tuple) and part.isdigit() and int(part) < len(here):
+            here = here[int(part)]
+        elif isinstance(here, BaseModel) and part in type(here).model_fields:
+            here = getattr(here, part)
+        else:
+            return key.partition(".")[0] in NOT_PARAMETERS
+    return isinstance(here, str | int | BaseModel) or key.partition(".")[0] in NOT_PARAMETERS
 
 
 AnySection = TypeVar("AnySection", bound=BaseModel)

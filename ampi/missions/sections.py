@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 from functools import cached_property
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, Self
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import Field, field_validator, model_validator
+from pydantic import Field, ValidationError, field_validator, model_validator
 
 from ampi.missions import units as u
 from ampi.missions.grid import GridSection
 from ampi.missions.model_sections import AtmosphereSection, PlanetSection, VehicleSection
-from ampi.missions.units import Number, Section
+from ampi.missions.text import toml_text
+from ampi.missions.units import Number, Section, sentences
 from ampi.physics.angles import TURN
 from ampi.physics.equations_of_motion import FlightModel
 from ampi.physics.state import ENTRY_STATES
@@ -218,9 +219,32 @@ class MeshSection(Section):
 
     phase: tuple[PhaseSection, ...] = Field(min_length=1)
 
+    @classmethod
+    def of(cls, mesh: Mesh) -> MeshSection:
+        """The section that makes `mesh`."""
+        return cls(
+            phase=tuple(
+                PhaseSection.model_construct(
+                    end=None if p.end is None else float(p.end),
+                    degrees=tuple(int(degree) for degree in p.degrees),
+                    fractions=None if p.fractions is None else tuple(map(float, p.fractions)),
+                )
+                for p in mesh.phases
+            )
+        )
+
+    @property
+    def toml(self) -> str:
+        """The `[[mesh.phase]]` tables of a mission file."""
+        return toml_text({"mesh": self.as_written()})
+
     def build(self) -> Mesh:
         """The pseudospectral mesh."""
         return Mesh(tuple(Phase(p.degrees, p.end, p.fractions) for p in self.phase))
+
+
+class MissionError(ValueError):
+    """A mission, or a mission file, that cannot be used; the message names every faulty field."""
 
 
 class MissionSections(Section):
@@ -234,10 +258,10 @@ class MissionSections(Section):
     entry: EntrySection
     target: TargetSection
     limits: LimitsSection
-    objective: ObjectiveSection
-    mesh: MeshSection
-    guess: GuessSection | None = None
     no_fly_zone: tuple[NoFlyZoneSection, ...] = ()
+    objective: ObjectiveSection
+    guess: GuessSection | None = None
+    mesh: MeshSection
     grid: GridSection = GridSection()
 
     @cached_property
@@ -257,3 +281,35 @@ class MissionSections(Section):
     def entry_state(self) -> NDArray[np.float64]:
         """Nominal (h, θ, φ, V, γ, ψ) at the entry interface (m, rad, m/s)."""
         return np.array([getattr(self.entry, name) for name in ENTRY_STATES])
+
+    def checked(self, *, whole: bool = True) -> Self:
+        """This mission, if a mission file can say it; if not `whole`, each of its sections.
+
+        What a measurement has moved may well disagree with the rest, and is a hard problem, not a fault.
+
+        Raises
+        ------
+        MissionError
+            One sentence that names what no file could say.
+        """
+        faults = self.section_faults or (self.own_faults if whole else ())
+        if faults:
+            raise MissionError(f"{self.name}: {'; '.join(faults)}")
+        return self
+
+    @cached_property
+    def section_faults(self) -> tuple[str, ...]:
+        """Why no mission file could have one of its sections: a sentence each."""
+        given = {name: getattr(self, name) for name in type(self).model_fields}
+        try:
+            read = MissionSections.model_validate(given)
+        except ValidationError as error:
+            return tuple(line for fault in error.errors() for line in sentences(fault, given))
+        found = []
+        for name, value in given.items():
+            if type(getattr(read, name)) is not type(value):
+                found.append(f"{name}: expected a section of a mission, got {value!r}")
+            several = value if isinstance(value, tuple) else (value,)
+            for section in (section for section in several if isinstance(section, Section)):
+                found += [f"{name}.{fault}" for fault in section.own_faults]
+        return tuple(found)

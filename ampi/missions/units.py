@@ -6,8 +6,11 @@ unit of another dimension, is an error that lists the units that would do.
 
 from __future__ import annotations
 
+import math
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Annotated, Any, get_args
+from functools import cached_property, lru_cache
+from typing import Annotated, Any, Self, get_args
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
@@ -31,6 +34,17 @@ UNITS: dict[str, dict[str, float]] = {
     "inverse angle squared": {"per_rad2": 1.0, "per_deg2": DEGREE**-2},
     "inverse length squared": {"per_m2": 1.0, "per_km2": 1e-6},
     "inverse speed squared": {"per_m2_s2": 1.0},
+}
+
+
+USUAL = {  # what a mission is written in; of the others the SI unit
+    "length": "km",
+    "angle": "deg",
+    "angular rate": "deg_per_s",
+    "angular acceleration": "deg_per_s2",
+    "pressure": "kPa",
+    "heat flux": "kW_per_m2",
+    "inverse angle squared": "per_deg2",
 }
 
 
@@ -85,6 +99,35 @@ def si_key(dimension: str) -> str:
     return next(unit for unit, factor in UNITS[dimension].items() if factor == 1.0)
 
 
+def in_units(dimension: str, value: Any) -> tuple[str, Any]:
+    """Unit and number, or numbers, of a mission file that are exactly `value` (SI).
+
+    In the usual unit where each is, to the bit, some decimal times the unit; else in the SI unit, where
+    it always is: a product of floats does not reach every float.
+    """
+    unit = USUAL.get(dimension, si_key(dimension))
+    try:
+        return unit, _divided(value, UNITS[dimension][unit])
+    except (ArithmeticError, TypeError):  # of what is no number the section will tell
+        return si_key(dimension), _plain(value)
+
+
+def _divided(value: Any, factor: float) -> Any:
+    """The shortest decimals that times `factor` are `value`."""
+    if isinstance(value, tuple):
+        return [_divided(item, factor) for item in value]
+    exact = value / factor
+    near = (float(f"{exact:.15g}"), float(f"{exact:.16g}"), exact)
+    for number in (*near, math.nextafter(exact, -math.inf), math.nextafter(exact, math.inf)):
+        if number * factor == value and math.isfinite(number):
+            return number
+    raise ArithmeticError(f"{value!r} is no float times {factor!r}")
+
+
+def _plain(value: Any) -> Any:
+    return [_plain(item) for item in value] if isinstance(value, tuple) else value
+
+
 def symbol(unit: str) -> str:
     """A unit of a key as it is printed: m/s, W/m2."""
     return unit.replace("_per_", "/").replace("per_", "1/")
@@ -94,6 +137,12 @@ def dimension_of(info: FieldInfo) -> Dimension | None:
     """The dimension of a field, `Length` and `Length | None` alike; None of a plain number."""
     marks = [*info.metadata, *(m for a in get_args(info.annotation) for m in get_args(a)[1:])]
     return next((mark for mark in marks if isinstance(mark, Dimension)), None)
+
+
+@lru_cache
+def _fields(section: type[BaseModel]) -> tuple[tuple[str, FieldInfo, Dimension | None], ...]:
+    """Name, field and dimension of all that a section may hold."""
+    return tuple((name, info, dimension_of(info)) for name, info in section.model_fields.items())
 
 
 class Section(BaseModel):
@@ -107,8 +156,7 @@ class Section(BaseModel):
         if not isinstance(data, dict):
             return data
         data, faults = dict(data), list[str]()
-        for name, info in cls.model_fields.items():
-            dimension = dimension_of(info)
+        for name, info, dimension in _fields(cls):
             if dimension is None:
                 continue
             units = UNITS[dimension.name]
@@ -142,32 +190,71 @@ class Section(BaseModel):
         return data
 
     def as_written(self) -> dict[str, Any]:
-        """What would make this section: its fields under keys in SI units."""
+        """What would make this section: its fields as a mission file has them, without defaults."""
         written: dict[str, Any] = {}
-        for name, info in type(self).model_fields.items():
-            value, dimension = getattr(self, name), dimension_of(info)
-            if value is None:
-                continue
-            if isinstance(value, Section):
-                value = value.as_written()
-            elif isinstance(value, tuple):
-                value = [v.as_written() if isinstance(v, Section) else v for v in value]
-            written[f"{name}_{si_key(dimension.name)}" if dimension else name] = value
-        return written
+        for name, info, dimension in _fields(type(self)):
+            value, default = getattr(self, name), info.default
+            if value is default or (isinstance(value, float) and repr(value) == repr(default)):
+                continue  # not where −0 stands for 0
+            if dimension is not None:
+                if (
+                    dimension.is_range
+                    and isinstance(value, tuple)
+                    and len(set(map(repr, value))) == 1
+                ):
+                    value = value[0]
+                unit, value = in_units(dimension.name, value)
+                name = f"{name}_{unit}"
+            written[name] = _as_written(value)
+        return {name: value for name, value in written.items() if value != {}}
+
+    def model_copy(self, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> Self:
+        """A copy with other fields, unchecked.
+
+        Raises
+        ------
+        ValueError
+            If the section has no such field.
+        """
+        unknown = set(update or ()) - set(type(self).model_fields)
+        if unknown:
+            raise ValueError(
+                f"update: expected fields of {type(self).__name__} "
+                f"({', '.join(type(self).model_fields)}), got {', '.join(sorted(unknown))}"
+            )
+        copied = super().model_copy(update=update, deep=deep)
+        for derived in set(copied.__dict__) - set(type(self).model_fields):
+            del copied.__dict__[derived]
+        return copied
+
+    @cached_property
+    def own_faults(self) -> tuple[str, ...]:
+        """Why no mission file could have made this section: a sentence each, none if one could."""
+        return tuple(self.faults())
 
     def faults(self, path: tuple[str, ...] = (), unit: str | None = None) -> list[str]:
-        """Why no mission file could have made this section: a sentence each, none if one could.
-
-        The number at `path` is told in `unit` of its key, the others in SI.
-        """
+        """`own_faults`, the number at `path` told in `unit` of its key."""
         data = self.as_written()
         if unit is not None:
             _tell_in(data, path, unit)
         try:
-            type(self).model_validate(data)
+            found = type(self).model_validate(data)
         except ValidationError as error:
             return [line for fault in error.errors() for line in sentences(fault, data)]
-        return []
+        given = {
+            name: (getattr(self, name), getattr(found, name)) for name in type(self).model_fields
+        }
+        return [
+            f"{name}: expected what a mission file can say, {read!r}, got {value!r}"
+            for name, (value, read) in given.items()
+            if unit is None and value != read
+        ]
+
+
+def _as_written(value: Any) -> Any:
+    if isinstance(value, tuple):
+        return [_as_written(item) for item in value]
+    return value.as_written() if isinstance(value, Section) else value
 
 
 _FACTORS = {unit: factor for units in UNITS.values() for unit, factor in units.items()}
@@ -209,14 +296,12 @@ def _given(fault: ErrorDetails, data: Any) -> tuple[str, Any]:
 
 
 def _tell_in(data: dict[str, Any], path: tuple[str, ...], unit: str) -> None:
-    """Give the number at `path` of what was written in SI under a key in `unit`."""
+    """Give the number at `path` of what was written under a key in `unit`, whatever its own."""
     *above, name = (part for part in path if not part.isdigit())  # all of a range
     for part in above:
         data = data[part]
     for key in [key for key in data if key.removeprefix(f"{name}_") in _FACTORS]:
-        value = data.pop(key)
+        value, factor = data.pop(key), _FACTORS[key.removeprefix(f"{name}_")] / _FACTORS[unit]
         data[f"{name}_{unit}"] = (
-            [v / _FACTORS[unit] for v in value]
-            if isinstance(value, list)
-            else value / _FACTORS[unit]
+            [v * factor for v in value] if isinstance(value, list) else value * factor
         )

@@ -128,19 +128,6 @@ class Mesh:
             free[s.nodes] = s.start[1] + s.half_length[1] * (1.0 + s.rule.nodes)
         return fixed, free
 
-    @property
-    def toml(self) -> str:
-        """The `[[mesh.phase]]` tables that make it."""
-        lines = []
-        for phase in self.phases:
-            lines.append("[[mesh.phase]]")
-            if phase.end is not None:
-                lines.append(f"end_s = {float(phase.end)!r}")
-            lines.append(f"degrees = {[int(degree) for degree in phase.degrees]}")
-            if phase.fractions is not None:
-                lines.append(f"fractions = {[float(cut) for cut in phase.fractions]}")
-        return "\n".join(lines) + "\n"
-
     def times(self, final_time: float) -> Array:
         """Times of all nodes (s)."""
         fixed, free = self.node_time

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from threadpoolctl import ThreadpoolController
 
+from ampi.missions.family import MissionFamily
 from ampi.missions.mission import Mission
 from ampi.missions.sections import GuessSection
 from ampi.propagation.reintegration import flown_again
@@ -71,6 +72,8 @@ def solve(
     MethodError
         If the method does not know a constraint, a term of the mission's objective or an argument,
         or the guess banks beyond the limit.
+    MissionError
+        If the mission says what no mission file could: a number that is not finite or out of its range.
     """
     found = optimum(
         mission,
@@ -158,6 +161,8 @@ def solve_family(
         None for a mission that needs the whole method (a limit active, a term of the objective that
         Newton's iteration does not know): that is no verdict on it, `solve` it.
     """
+    if missions:
+        MissionFamily.of(missions).checked()
     problems = [OptimalControlProblem.from_mission(mission) for mission in missions]
     alike: dict[Hashable, list[int]] = {}
     for case, (problem, guess) in enumerate(zip(problems, guesses, strict=True)):
@@ -178,6 +183,7 @@ def _refuse_other_kinds(mission: Any, guess: Any, settings: Any, refinement: Any
         raise MethodError(
             f"mission: expected a Mission, got {mission!r}; load one with ampi.load_mission(name)"
         )
+    mission.checked(whole=False)
     if not isinstance(guess, Trajectory | ConstantBank | None):
         raise MethodError(
             f"guess: expected a Trajectory, a ConstantBank (rad) or None, got {guess!r}; a bank angle "

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ampi.missions.mission import Mission, mission_digest
+from ampi.missions.mission import Mission
 from ampi.outputs import written
 from ampi.simulation.closed_loop import FlightStatus
 from ampi.simulation.monte_carlo import Flights
@@ -22,7 +22,7 @@ def write_flights_csv(path: str | Path, mission: Mission, campaigns: Mapping[str
     """
     limits = next((flights.limits for flights in campaigns.values()), ())
     for name, flights in campaigns.items():
-        if flights.mission_sha256 != mission_digest(mission):
+        if flights.mission_sha256 != mission.digest:
             raise ValueError(
                 f"campaigns: expected flights of {mission.name}, got {name} of {flights.mission}, "
                 "or of an earlier version of it"

@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 
 from ampi.guidance import Guidance
 from ampi.missions.family import MissionFamily
-from ampi.missions.mission import Mission, mission_digest
+from ampi.missions.mission import Mission
 from ampi.missions.path_limits import KEPT
 from ampi.onboard.reference import Mode
 from ampi.outputs import written
@@ -305,7 +305,8 @@ def fly_modes(
     ):
         if not isinstance(value, kind):
             raise ValueError(f"{name}: expected {SOURCES[name]}, got {value!r:.60}")
-    if guidance.mission_sha256 not in (None, mission_digest(mission)):
+    mission.checked()
+    if guidance.mission_sha256 not in (None, mission.digest):
         raise ValueError(
             f"guidance: its database was built for another mission than {mission.name}; "
             "fly the mission of the database (read_dataset(path).mission), or build it anew"
@@ -396,7 +397,7 @@ def _assemble(
     use = limits.use(over_time, states.transpose(1, 0, 2), bank_rate, times)
     return Flights(
         mission=mission.name,
-        mission_sha256=mission_digest(mission),
+        mission_sha256=mission.digest,
         mode=guidance.mode,
         seed=seed,
         cycle=guidance.cycle,

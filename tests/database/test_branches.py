@@ -40,11 +40,11 @@ from database.repair import Move, repair
 Array = NDArray[np.float64]
 
 CHANGED = {
-    "\nlongitude_deg = -11.60": "\nlongitude_deg = 0.0",
+    "\nlongitude_deg = -11.6": "\nlongitude_deg = 0.0",
     "\nlatitude_deg = 71.89": "\nlatitude_deg = 0.0",
     "\nazimuth_deg = -85.92": "\nazimuth_deg = -90.0",
     "\nlongitude_deg = -45.75": "\nlongitude_deg = -13.0",
-    "\nlatitude_deg = 66.40": "\nlatitude_deg = -1.0",
+    "\nlatitude_deg = 66.4": "\nlatitude_deg = -1.0",
 }
 
 

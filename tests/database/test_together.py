@@ -67,7 +67,7 @@ def test_together_or_alone_the_records_are_the_same(campaign: Campaign, tmp_path
 
 def test_what_newton_leaves_has_no_record(campaign: Campaign, tmp_path: Path) -> None:
     # At a bank limit that the family touches: portions solve the others, each of these goes alone.
-    tight = campaign.toml.replace("bank_angle_deg = 60.0 ", "bank_angle_deg = 47.5 ")
+    tight = campaign.toml.replace("bank_angle_deg = 60.0", "bank_angle_deg = 47.5")
     assert tight != campaign.toml
     path = tmp_path / "tight.h5"
     report = database.build(parse_mission(tight), path, n_jobs=2)

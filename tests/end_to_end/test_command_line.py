@@ -309,7 +309,7 @@ def test_a_target_out_of_reach_is_a_status(tmp_path: Path) -> None:
 
 
 def test_a_limit_that_cannot_be_kept_is_named(tmp_path: Path) -> None:
-    limit = "heat_flux_MW_per_m2 = 6.5"
+    limit = "heat_flux_kW_per_m2 = 6500.0"
     text = load_mission("shefex3").toml
     (tmp_path / "cold.toml").write_text(text.replace(limit, "heat_flux_MW_per_m2 = 3.0"))
     told = run("solve", "cold.toml", cwd=tmp_path, code=2).stderr

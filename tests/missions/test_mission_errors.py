@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from importlib import resources
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +12,7 @@ import pytest
 from ampi.missions import MissionError, load_mission, shipped_missions
 from ampi.missions.loading import parse_mission
 
-TEXT = load_mission("shefex3").toml
+TEXT = (resources.files("ampi.missions") / "shefex3.toml").read_text(encoding="utf-8")
 
 AERODYNAMICS = """model = "modified_newtonian"
 normal_quadratic = 1.83

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-import tomllib
 from itertools import pairwise
 
 import numpy as np
@@ -240,15 +239,3 @@ def test_bad_phases_are_named(
 def test_bad_meshes_are_named(ends: tuple[float | None, ...], message: str) -> None:
     with pytest.raises(ValueError, match=re.escape(message)):
         Mesh(tuple(Phase((3,), end) for end in ends))
-
-
-def test_the_text_of_a_mesh_makes_it_again() -> None:
-    mesh = Mesh((Phase((5, 8), 58.0), Phase((8,), 88.0), Phase((3, 4), None, (0.0, 0.3, 1.0))))
-    phases = tomllib.loads(mesh.toml)["mesh"]["phase"]
-    again = [
-        Phase(
-            tuple(p["degrees"]), p.get("end_s"), tuple(p["fractions"]) if "fractions" in p else None
-        )
-        for p in phases
-    ]
-    assert Mesh(tuple(again)) == mesh

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from ampi.missions.mission import Mission, mission_digest
+from ampi.missions.mission import Mission
 from ampi.onboard.reference import Mode
 from ampi.simulation.closed_loop import FlightStatus
 from ampi.simulation.flights_csv import write_flights_csv
@@ -21,7 +21,7 @@ FlightMaker = Callable[..., Flights]
 def test_each_flight_of_each_campaign_is_a_row(
     shefex3: Mission, make_flights: FlightMaker, tmp_path: Path
 ) -> None:
-    sha256 = mission_digest(shefex3)
+    sha256 = shefex3.digest
     status = np.array([0, 1, 0, 0])
     miss = np.array([10.0, np.nan, 30e3, 40.0])
     common = {"status": status, "miss": miss, "mission_sha256": sha256}
