@@ -29,14 +29,10 @@ if TYPE_CHECKING:
     from ampi.scp.solve import solve, solve_family
     from ampi.simulation.closed_loop import FlightStatus
     from ampi.simulation.dispersions import Dispersions, Distribution
+    from ampi.simulation.flights import Flights
     from ampi.simulation.flights_csv import write_flights_csv
-    from ampi.simulation.monte_carlo import (
-        Flights,
-        fly,
-        fly_modes,
-        load_campaigns,
-        save_campaigns,
-    )
+    from ampi.simulation.flights_file import load_campaigns, save_campaigns
+    from ampi.simulation.monte_carlo import fly, fly_modes
     from ampi.simulation.statistics import judge
     from ampi.trajectory import Status, Trajectory
 
@@ -48,7 +44,7 @@ _HOME = {
     "Dispersions": "ampi.simulation.dispersions",
     "Distribution": "ampi.simulation.dispersions",
     "FlightStatus": "ampi.simulation.closed_loop",
-    "Flights": "ampi.simulation.monte_carlo",
+    "Flights": "ampi.simulation.flights",
     "Guidance": "ampi.guidance",
     "Health": "ampi.onboard.health",
     "MethodError": "ampi.scp.problem.capabilities",
@@ -61,8 +57,8 @@ _HOME = {
     "Trajectory": "ampi.trajectory",
     "fly": "ampi.simulation.monte_carlo",
     "fly_modes": "ampi.simulation.monte_carlo",
-    "load_campaigns": "ampi.simulation.monte_carlo",
-    "save_campaigns": "ampi.simulation.monte_carlo",
+    "load_campaigns": "ampi.simulation.flights_file",
+    "save_campaigns": "ampi.simulation.flights_file",
     "write_flights_csv": "ampi.simulation.flights_csv",
     "judge": "ampi.simulation.statistics",
     "load_guidance": "ampi.loading",

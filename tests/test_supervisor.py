@@ -228,7 +228,7 @@ def test_workers_end_with_their_driver(
 @needs_proc
 def test_a_campaign_whose_workers_are_killed_is_the_same(folder: Path) -> None:
     """A kill in the middle of it; then a file, to the last bit that of a quiet campaign."""
-    from ampi.simulation.monte_carlo import load_campaigns
+    from ampi.simulation.flights_file import load_campaigns
 
     words = ("fly", "small.h5", "-n", "210", "--modes", "ampi", "-j")
     finished_well(ampi(folder, *words, "1", "--output", "quiet.npz"))

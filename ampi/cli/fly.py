@@ -18,7 +18,7 @@ from ampi.cli.progress import progress
 
 if TYPE_CHECKING:
     from ampi.missions.mission import Mission
-    from ampi.simulation.monte_carlo import Flights
+    from ampi.simulation.flights import Flights
 
 
 def fly(
@@ -84,7 +84,7 @@ def _keep(
     mission: Mission, campaigns: Mapping[str, Flights], output: Path | None, table: Path | None
 ) -> None:
     from ampi.simulation.flights_csv import write_flights_csv
-    from ampi.simulation.monte_carlo import save_campaigns
+    from ampi.simulation.flights_file import save_campaigns
 
     if output is not None:
         save_campaigns(output, campaigns)

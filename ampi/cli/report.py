@@ -19,7 +19,7 @@ from ampi.cli.progress import progress
 
 if TYPE_CHECKING:
     from ampi.dataset import TrajectoryDataset
-    from ampi.simulation.monte_carlo import Flights
+    from ampi.simulation.flights import Flights
 
 PROVENANCE = (
     ("ampi", "ampi_version"),
@@ -39,7 +39,7 @@ def report(
     """Write the verdict and all figures as one HTML file."""
     from ampi.dataset import read_dataset
     from ampi.loading import guidance_table
-    from ampi.simulation.monte_carlo import load_campaigns
+    from ampi.simulation.flights_file import load_campaigns
 
     with refusals():
         check_output(output, force=force, made_by="ampi report", others=[path, campaigns])

@@ -15,7 +15,7 @@ from ampi.report.figures import database
 from ampi.report.figures import footprint as at_the_end
 from ampi.report.figures.look import ImageFormat
 from ampi.report.figures.runge import runge_phenomenon
-from ampi.simulation.monte_carlo import Flights
+from ampi.simulation.flights import Flights
 
 
 @dataclass(frozen=True)

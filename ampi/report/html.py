@@ -20,7 +20,7 @@ from ampi.report.figures.look import data_uri, image_bytes
 from ampi.report.published import is_of_the_paper, is_shipped
 from ampi.report.quantities import DEGREES, KILO
 from ampi.report.verdict_tables import coincident, verdict_tables
-from ampi.simulation.monte_carlo import Flights
+from ampi.simulation.flights import Flights
 
 TEMPLATE = "report.html.j2"
 
@@ -155,7 +155,7 @@ def dispersions_table(mission: Mission, campaigns: Mapping[str, Flights]) -> Pla
             )
             label = parameter.key if len(sharing) == 1 else f"{parameter.key}: {', '.join(names)}"
             share = f"{100.0 * float(np.mean(inside)):.1f} %"
-            rows.append((label, law.distribution.value, *(f"{n:.4g}" for n in numbers), share))
+            rows.append((label, law.distribution, *(f"{n:.4g}" for n in numbers), share))
     heads = ("Centre", "Half width", "Least drawn", "Mean drawn", "Greatest drawn", "On the axis")
     return PlainTable(("Parameter", "Distribution", *heads), tuple(rows))
 

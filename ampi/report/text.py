@@ -7,7 +7,7 @@ from textwrap import wrap
 
 from ampi.missions.mission import Mission
 from ampi.report.verdict_tables import Cell, Group, VerdictTable, coincident, verdict_tables
-from ampi.simulation.monte_carlo import Flights
+from ampi.simulation.flights import Flights
 
 WIDTH = 100
 LABEL = 12  # characters of a campaign's name

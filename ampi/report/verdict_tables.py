@@ -17,7 +17,7 @@ from ampi.onboard.reference import Mode
 from ampi.report.published import PAPER, PAPER_FLIGHTS, Printed, is_of_the_paper
 from ampi.report.quantities import KILO
 from ampi.simulation.closed_loop import FlightStatus
-from ampi.simulation.monte_carlo import Flights
+from ampi.simulation.flights import Flights
 from ampi.simulation.statistics import (
     TABLE_5_RADII,
     Fraction,

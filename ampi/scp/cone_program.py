@@ -6,6 +6,7 @@ minimise ½ yᵀPy + qᵀy   subject to   A y + s = b,   s in zeros × non-negat
 from __future__ import annotations
 
 from dataclasses import dataclass
+from enum import StrEnum
 
 import clarabel
 import numpy as np
@@ -14,17 +15,73 @@ from scipy import sparse
 
 Array = NDArray[np.float64]
 
-USABLE = ("Solved", "AlmostSolved", "InsufficientProgress")
+
+class ConeStatus(StrEnum):
+    """How a conic solver ended, in Clarabel's words; of another solver, the nearest of them."""
+
+    SOLVED = "Solved"
+    ALMOST_SOLVED = "AlmostSolved"
+    INSUFFICIENT_PROGRESS = "InsufficientProgress"
+    PRIMAL_INFEASIBLE = "PrimalInfeasible"
+    DUAL_INFEASIBLE = "DualInfeasible"
+    ALMOST_PRIMAL_INFEASIBLE = "AlmostPrimalInfeasible"
+    ALMOST_DUAL_INFEASIBLE = "AlmostDualInfeasible"
+    MAX_ITERATIONS = "MaxIterations"
+    MAX_TIME = "MaxTime"
+    NUMERICAL_ERROR = "NumericalError"
+    CALLBACK_TERMINATED = "CallbackTerminated"
+    UNSOLVED = "Unsolved"
+
+    @classmethod
+    def of_cvxpy(cls, status: str) -> ConeStatus:
+        """From cvxpy's word."""
+        return _OF_CVXPY.get(status, cls.NUMERICAL_ERROR)
+
+    @property
+    def sentence(self) -> str:
+        """One sentence for logs."""
+        return _SENTENCES[self]
+
+    @property
+    def is_usable(self) -> bool:
+        """Whether the point may be taken: its residuals are small, though perhaps not as asked."""
+        return self in USABLE
+
+
+USABLE = (ConeStatus.SOLVED, ConeStatus.ALMOST_SOLVED, ConeStatus.INSUFFICIENT_PROGRESS)
+_OF_CVXPY = {
+    "optimal": ConeStatus.SOLVED,
+    "optimal_inaccurate": ConeStatus.ALMOST_SOLVED,
+    "infeasible": ConeStatus.PRIMAL_INFEASIBLE,
+    "infeasible_inaccurate": ConeStatus.ALMOST_PRIMAL_INFEASIBLE,
+    "unbounded": ConeStatus.DUAL_INFEASIBLE,
+    "unbounded_inaccurate": ConeStatus.ALMOST_DUAL_INFEASIBLE,
+    "user_limit": ConeStatus.MAX_ITERATIONS,
+}
+_SENTENCES = {
+    ConeStatus.SOLVED: "Solved to the tolerances asked.",
+    ConeStatus.ALMOST_SOLVED: "Solved to reduced tolerances.",
+    ConeStatus.INSUFFICIENT_PROGRESS: "Stopped where steps no longer improve the point.",
+    ConeStatus.PRIMAL_INFEASIBLE: "No point keeps every constraint.",
+    ConeStatus.DUAL_INFEASIBLE: "The objective has no lower bound.",
+    ConeStatus.ALMOST_PRIMAL_INFEASIBLE: "No point seems to keep every constraint.",
+    ConeStatus.ALMOST_DUAL_INFEASIBLE: "The objective seems to have no lower bound.",
+    ConeStatus.MAX_ITERATIONS: "Stopped at the solver's iteration limit.",
+    ConeStatus.MAX_TIME: "Stopped at the solver's time limit.",
+    ConeStatus.NUMERICAL_ERROR: "Stopped by numerical trouble.",
+    ConeStatus.CALLBACK_TERMINATED: "Stopped from outside.",
+    ConeStatus.UNSOLVED: "Not solved.",
+}
 
 
 @dataclass(frozen=True, eq=False)
 class ConeSolution:
-    """y and the multipliers of the rows of Eq. (1); Clarabel's own word for how it ended."""
+    """y and the multipliers of the rows of Eq. (1), and how it ended."""
 
     primal: Array
     dual: Array
     objective: float
-    status: str
+    status: ConeStatus
 
 
 def solve_cone_program(
@@ -56,6 +113,5 @@ def solve_cone_program(
     ]
     matrices = sparse.csc_matrix(quadratic), linear, sparse.csc_matrix(left), right
     found = clarabel.DefaultSolver(*matrices, cones, settings).solve()
-    return ConeSolution(
-        np.array(found.x), np.array(found.z), float(found.obj_val), str(found.status)
-    )
+    status = ConeStatus(str(found.status))
+    return ConeSolution(np.array(found.x), np.array(found.z), float(found.obj_val), status)

@@ -8,8 +8,10 @@ speed, at the ground or at its time limit, whichever comes first, and the instan
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
 from enum import IntEnum
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -17,6 +19,7 @@ from numpy.typing import NDArray
 
 from ampi.guidance import Guidance
 from ampi.missions.family import MissionFamily
+from ampi.missions.path_limits import PathLimits
 from ampi.onboard.row_layout import RowLayout
 from ampi.physics.equations_of_motion import FlightModel, equations_of_motion
 from ampi.physics.state import ALTITUDE, BANK, N_STATES, SPEED
@@ -46,6 +49,20 @@ class FlightStatus(IntEnum):
     def __str__(self) -> str:
         return self.name
 
+    @property
+    def sentence(self) -> str:
+        """One sentence for logs and pages."""
+        return _SENTENCES[self]
+
+
+_SENTENCES = {
+    FlightStatus.REACHED_SPEED: "The flight reached the target speed.",
+    FlightStatus.GROUND: "The flight met the ground before it reached the target speed.",
+    FlightStatus.TIME_LIMIT: "The flight took twice as long as its reference.",
+    FlightStatus.NOT_FINITE: "Its state or its parameters were no numbers.",
+    FlightStatus.STARTED_SLOW: "It entered no faster than the target speed.",
+}
+
 
 @dataclass(frozen=True, eq=False)
 class FlightBatch:
@@ -63,6 +80,24 @@ class FlightBatch:
     peak: (
         Array  # (n, l): greatest use of each limit of the mission, at every plant step and the end
     )
+
+    @classmethod
+    def joined(cls, batches: Sequence[FlightBatch]) -> FlightBatch:
+        """Batches as one, over the times of the longest."""
+        times = max((batch.times for batch in batches), key=len)
+
+        def stacked(name: str) -> NDArray[Any]:
+            arrays = [getattr(batch, name) for batch in batches]
+            if name in ("states", "reference_states", "bank_rate"):
+                missing = [
+                    [(0, 0)] * (a.ndim - 1) + [(0, len(times) - a.shape[-1])] for a in arrays
+                ]
+                pairs = zip(arrays, missing, strict=True)
+                arrays = [np.pad(a, width, constant_values=np.nan) for a, width in pairs]
+            return np.concatenate(arrays)
+
+        names = [field.name for field in fields(cls) if field.name != "times"]
+        return cls(times=times, **{name: stacked(name) for name in names})
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,79 +134,127 @@ def fly_batch(
 def _fly(
     family: MissionFamily, guidance: Guidance, parameters: Array, record_every: float
 ) -> FlightBatch:
-    n, cycle, model = len(parameters), guidance.cycle, family.flight_model()
-    path_limits = family.path_limits()
-    entry_states, target_speed = family.entry_states, family.target("speed")
-    references, limits = _StackedReferences.of(guidance, parameters), guidance.limits_at(parameters)
-    flight = np.arange(n)
-    x = np.concatenate([entry_states.T, references.rows[:, BANK, 0][None, :]])
-    rate, pointer = (
-        references.rows[:, references.layout.bank_rate, 0].copy(),
-        np.zeros(n, dtype=np.intp),
-    )
-    final, final_time = np.full((n, N_STATES), np.nan), np.full(n, np.nan)
-    status = np.full(n, int(FlightStatus.TIME_LIMIT))
-    peak = np.zeros((len(path_limits.names), n))
-    finite = np.all(np.isfinite(parameters), axis=1) & np.all(np.isfinite(entry_states), axis=1)
-    flying = finite & (entry_states[:, SPEED] > target_speed)
-    slow = finite & ~flying
-    final[slow], final_time[slow] = x[:, slow].T, 0.0
-    status[slow] = int(FlightStatus.STARTED_SLOW)
-    status[~finite] = int(FlightStatus.NOT_FINITE)
-    longest = LONGEST * references.final_time
+    cycle, references = guidance.cycle, _StackedReferences.of(guidance, parameters)
+    limits, path_limits = guidance.limits_at(parameters), family.path_limits()
+    plant = _Plant(family, path_limits, family.target("speed"), LONGEST * references.final_time)
+    flights = _InFlight.at_entry(family, parameters, references, plant)
+    pointer = np.zeros(len(parameters), dtype=np.intp)
     parts = max(1, int(np.ceil(cycle / PLANT_STEP - 1e-9)))
     stride, h = max(1, round(record_every / cycle)), cycle / parts
     record: list[tuple[float, Array, Array, Array]] = []
     step = 0
-    while step == 0 or flying.any():
-        time = step * cycle
-        at, own_rate, gain = _look_up(references, flight, pointer, time)
+    while step == 0 or flights.flying.any():
+        time, x, rate = step * cycle, flights.x, flights.rate
+        at, own_rate, gain = _look_up(references, pointer, time)
         told = x.copy()
         told[BANK] = bank_on_turn(limits, x[BANK], at[BANK])
         tracked = bank_rate_command(told, at, own_rate, gain)
         wanted = np.where(guidance.table.envelope.holds(x), tracked, own_rate)
         wanted = np.where(time >= references.final_time, 0.0, wanted)
         if step % stride == 0:
-            record.append(_snapshot(time, x, at, rate, flying))
+            record.append(_snapshot(time, x, at, rate, flights.flying))
         shortest = guidance.first_cycle[0] if step == 0 else cycle
         reached = limited_rate(limits, told[BANK], rate, wanted, cycle, shortest)
         for part in range(parts):
-            now, old = time + part * h, _between(rate, reached, part / parts)
+            old = _between(rate, reached, part / parts)
             new = _between(rate, reached, (part + 1) / parts)
-            use = np.stack(path_limits.use(model, x, old, now))
-            peak = np.where(flying, np.maximum(peak, use), peak)
-            ahead = _advanced(model, x, old, new, now, h)
-            goes_on = (ahead[SPEED] > target_speed) & (ahead[ALTITUDE] >= 0.0)
-            for i in np.flatnonzero(flying & ~(goes_on & (now + h < longest))):
-                own = _Step(family.member(int(i)).flight_model, x[:, i], old[i], new[i], now, h)
-                final[i], passed, status[i] = _end(own, target_speed[i], longest[i] - now)
-                final_time[i], flying[i], rate[i] = now + passed, False, own.rate(passed)
-            x = np.where(flying, ahead, x)
-        rate = np.where(flying, reached, rate)
+            flights.advance(plant, old, new, time + part * h, h)
+        flights.rate = np.where(flights.flying, reached, flights.rate)
         step += 1
-    use = np.stack(path_limits.use(model, final.T, rate, final_time))
-    peak = np.maximum(peak, use)
-    peak[:, status == int(FlightStatus.NOT_FINITE)] = np.nan
     times, states, reference_states, rates = zip(*record, strict=True)
     return FlightBatch(
-        final_states=final,
-        final_time=final_time,
-        status=status,
+        final_states=flights.final,
+        final_time=flights.final_time,
+        status=flights.status,
         clipped=references.clipped,
         hole=references.hole,
         times=np.array(times),
         states=np.stack(states, axis=2),
         reference_states=np.stack(reference_states, axis=2),
         bank_rate=np.stack(rates, axis=1),
-        peak=peak.T,
+        peak=flights.peak_at_the_end(plant),
     )
 
 
+@dataclass(frozen=True, eq=False)
+class _Plant:
+    """The vehicles of n flights, and what ends them."""
+
+    family: MissionFamily
+    limits: PathLimits
+    target_speed: Array  # (n,), m/s
+    longest: Array  # (n,), s
+
+    @cached_property
+    def model(self) -> FlightModel:
+        """Of all flights."""
+        return self.family.flight_model()
+
+    def use(self, x: Array, rate: Array, time: Any) -> Array:
+        """Use of each limit (l, n)."""
+        return np.stack(self.limits.use(self.model, x, rate, time))
+
+
+@dataclass(eq=False)
+class _InFlight:
+    """n flights on their way: where they are, and how those ended that have."""
+
+    x: Array  # (7, n)
+    rate: Array  # (n,), rad/s
+    flying: NDArray[np.bool_]  # (n,)
+    final: Array  # (n, 7)
+    final_time: Array  # (n,), s
+    status: NDArray[np.int64]  # (n,)
+    peak: Array  # (l, n)
+
+    @classmethod
+    def at_entry(
+        cls,
+        family: MissionFamily,
+        parameters: Array,
+        references: _StackedReferences,
+        plant: _Plant,
+    ) -> _InFlight:
+        """On the bank angles and rates of their references."""
+        n, entry, first = len(parameters), family.entry_states, references.rows[..., 0]
+        x = np.concatenate([entry.T, first[:, BANK][None, :]])
+        finite = np.all(np.isfinite(parameters), axis=1) & np.all(np.isfinite(entry), axis=1)
+        flying = finite & (entry[:, SPEED] > plant.target_speed)
+        slow = finite & ~flying
+        final, final_time = np.full((n, N_STATES), np.nan), np.full(n, np.nan)
+        final[slow], final_time[slow] = x[:, slow].T, 0.0
+        status = np.full(n, int(FlightStatus.TIME_LIMIT))
+        status[slow] = int(FlightStatus.STARTED_SLOW)
+        status[~finite] = int(FlightStatus.NOT_FINITE)
+        rate, peak = first[:, references.layout.bank_rate], np.zeros((len(plant.limits.names), n))
+        return cls(x, rate.copy(), flying, final, final_time, status, peak)
+
+    def advance(self, plant: _Plant, old: Array, new: Array, now: float, h: float) -> None:
+        """One plant step, with the bank rate linear from `old` to `new`; some flights end in it."""
+        x, flying = self.x, self.flying
+        self.peak = np.where(flying, np.maximum(self.peak, plant.use(x, old, now)), self.peak)
+        ahead = _advanced(plant.model, x, old, new, now, h)
+        goes_on = (ahead[SPEED] > plant.target_speed) & (ahead[ALTITUDE] >= 0.0)
+        for i in np.flatnonzero(flying & ~(goes_on & (now + h < plant.longest))):
+            model = plant.family.member(int(i)).flight_model
+            own = _Step(model, x[:, i], old[i], new[i], now, h)
+            left = plant.longest[i] - now
+            self.final[i], passed, self.status[i] = _end(own, plant.target_speed[i], left)
+            self.final_time[i], flying[i], self.rate[i] = now + passed, False, own.rate(passed)
+        self.x = np.where(flying, ahead, x)
+
+    def peak_at_the_end(self, plant: _Plant) -> Array:
+        """Greatest use of each limit (n, l), of the end too; NaN of what was no flight."""
+        peak = np.maximum(self.peak, plant.use(self.final.T, self.rate, self.final_time))
+        peak[:, self.status == int(FlightStatus.NOT_FINITE)] = np.nan
+        return peak.T
+
+
 def _look_up(
-    references: _StackedReferences, flight: NDArray[np.intp], pointer: NDArray[np.intp], time: float
+    references: _StackedReferences, pointer: NDArray[np.intp], time: float
 ) -> tuple[Array, Array, Array]:
     """Reference states (7, n), bank rate (n,), gains (7, n) at `time`; advances `pointer`."""
-    last = references.times.shape[1] - 2
+    flight, last = np.arange(len(pointer)), references.times.shape[1] - 2
     while True:
         behind = (pointer < last) & (references.times[flight, pointer + 1] <= time)
         if not behind.any():

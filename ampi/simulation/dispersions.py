@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from enum import Enum
+from enum import StrEnum
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,27 +19,16 @@ from ampi.missions.parameters import Parameter
 Array = NDArray[np.float64]
 
 
-class Distribution(Enum):
+class Distribution(StrEnum):
     """Shape of the dispersion over the half-widths."""
 
     NORMAL = "normal"  # the half-width is 3σ: Eq. (34); some draws lie outside
     UNIFORM = "uniform"  # between the half-widths on both sides of the centre
     CORNERS = "corners"  # one of the 2^d vertices of that box
 
-
-def distribution_named(law: Distribution | str) -> Distribution:
-    """A distribution, or that of a name.
-
-    Raises
-    ------
-    ValueError
-        If there is none of that name.
-    """
-    try:
-        return Distribution(law)
-    except ValueError:
-        names = ", ".join(one.value for one in Distribution)
-        raise ValueError(f"distribution: expected one of {names}, got {law!r}") from None
+    @classmethod
+    def _missing_(cls, value: object) -> Distribution:
+        raise ValueError(f"distribution: expected one of {', '.join(cls)}, got {value!r}")
 
 
 def require_count(n: int) -> None:
@@ -76,7 +65,7 @@ class Dispersions:
                 f"dispersions.centre: expected {len(widths)} finite offsets, got {self.centre!r}"
             )
         object.__setattr__(self, "half_widths", widths)
-        object.__setattr__(self, "distribution", distribution_named(self.distribution))
+        object.__setattr__(self, "distribution", Distribution(self.distribution))
         object.__setattr__(self, "centre", centre)
 
     @classmethod
@@ -88,7 +77,7 @@ class Dispersions:
         A normal distribution is centred on the nominal p, and 3σ is the farther end of each axis: on a
         lopsided axis some draws lie beyond the nearer end. The others are of the grid's own box.
         """
-        law = distribution_named(distribution)
+        law = Distribution(distribution)
         ends = np.array([_ends(parameter) for parameter in mission.parameters]).reshape(-1, 2)
         if law is Distribution.NORMAL:
             return cls(tuple(np.abs(ends).max(axis=1, initial=0.0).tolist()), law)
@@ -127,7 +116,7 @@ class Dispersions:
             about = f"{middle / unit:+.4g} " if middle else ""
             parts.append(f"{parameter.key} {about}± {width / unit:.4g}")
         sigma = " (3σ)" if self.distribution is Distribution.NORMAL else ""
-        return f"{self.distribution.value}{sigma}: {', '.join(parts)}"
+        return f"{self.distribution}{sigma}: {', '.join(parts)}"
 
     def _require_size(self, mission: Mission) -> None:
         if len(self.half_widths) != len(mission.parameters):

@@ -11,7 +11,7 @@ import numpy as np
 from ampi.missions.mission import Mission
 from ampi.outputs import written
 from ampi.simulation.closed_loop import FlightStatus
-from ampi.simulation.monte_carlo import Flights
+from ampi.simulation.flights import Flights
 
 
 def write_flights_csv(path: str | Path, mission: Mission, campaigns: Mapping[str, Flights]) -> None:

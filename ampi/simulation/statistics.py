@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ampi.onboard.reference import Mode
-from ampi.simulation.monte_carlo import Flights
+from ampi.simulation.flights import Flights
 
 Array = NDArray[np.float64]
 

@@ -17,7 +17,7 @@ import numpy as np
 import pytest
 
 from ampi.missions.loading import load_mission
-from ampi.simulation.monte_carlo import load_campaigns
+from ampi.simulation.flights_file import load_campaigns
 from ampi.simulation.statistics import AreaRatio, footprint_ratio
 from ampi.trajectory import Status
 from tests.support.command_line import run, unwrapped

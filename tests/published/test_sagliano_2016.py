@@ -14,7 +14,7 @@ import database
 from ampi.dataset import TrajectoryDataset, read_dataset
 from ampi.onboard.reference import Mode
 from ampi.physics.planet import great_circle_distance
-from ampi.simulation.monte_carlo import Flights
+from ampi.simulation.flights import Flights
 from ampi.simulation.statistics import footprint_ratio, judge
 from database.audit.audit import AuditReport, audit
 from database.build_report import BuildReport

@@ -11,7 +11,8 @@ from ampi.missions.path_limits import PathLimits
 from ampi.onboard.reference import Mode
 from ampi.onboard.table import GuidanceTable
 from ampi.simulation.closed_loop import FlightStatus
-from ampi.simulation.monte_carlo import Flights
+from ampi.simulation.dispersions import Distribution
+from ampi.simulation.flights import Flights
 
 N, K, FINAL_TIME = 60, 30, 600.0
 SCATTER = {Mode.NOMINAL: 3e4, Mode.MPI: 6e3, Mode.AMPI: 2e3}  # m
@@ -82,7 +83,7 @@ def campaign(mission: Mission, mode: Mode) -> Flights:
         mode=mode,
         seed=11,
         cycle=0.5,
-        distribution="normal",
+        distribution=Distribution.NORMAL,
         half_widths=np.array([3e-3] * 6),
         centre=np.zeros(6),
         parameters=mission.entry_state + 1e-3 * draws,

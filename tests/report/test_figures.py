@@ -59,7 +59,7 @@ from ampi.report.figures.look import (
 )
 from ampi.report.figures.runge import runge_phenomenon
 from ampi.report.figures.single import reference_figure, trajectory_figure
-from ampi.simulation.monte_carlo import Flights
+from ampi.simulation.flights import Flights
 from ampi.simulation.statistics import ellipse_area
 from ampi.trajectory import Status, Trajectory
 

@@ -17,7 +17,7 @@ from ampi.report.exhibits import campaign_exhibits, database_exhibits
 from ampi.report.html import write_report
 from ampi.report.text import verdict_text
 from ampi.report.verdict_tables import coincident
-from ampi.simulation.monte_carlo import Flights
+from ampi.simulation.flights import Flights
 from ampi.simulation.statistics import judge
 
 VOID = {"meta", "img", "br", "link", "hr", "input"}

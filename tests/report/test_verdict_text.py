@@ -11,7 +11,7 @@ from ampi.missions.mission import Mission
 from ampi.report.text import WIDTH, verdict_text
 from ampi.report.verdict_tables import number, verdict_tables
 from ampi.simulation.closed_loop import FlightStatus
-from ampi.simulation.monte_carlo import Flights
+from ampi.simulation.flights import Flights
 from ampi.simulation.statistics import footprint_ratio, judge
 
 

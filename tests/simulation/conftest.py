@@ -17,7 +17,8 @@ from ampi.missions.loading import load_mission, parse_mission
 from ampi.missions.mission import Mission
 from ampi.missions.path_limits import PathLimits
 from ampi.onboard.reference import Mode
-from ampi.simulation.monte_carlo import Flights
+from ampi.simulation.dispersions import Distribution
+from ampi.simulation.flights import Flights
 
 SMALL_GRID = """[grid]
 speed_m_per_s = [-70.0, 0.0, 70.0]
@@ -63,7 +64,7 @@ def synthetic_flights(n: int = 200, seed: int = 0, **changes: Any) -> Flights:
         "mode": Mode.AMPI,
         "seed": 7,
         "cycle": 0.5,
-        "distribution": "normal",
+        "distribution": Distribution.NORMAL,
         "half_widths": np.ones(6),
         "centre": np.zeros(6),
         "parameters": np.random.default_rng(99).standard_normal((n, 6)),

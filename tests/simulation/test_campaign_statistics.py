@@ -14,7 +14,7 @@ from scipy import stats
 from ampi.missions.path_limits import KEPT
 from ampi.onboard.reference import Mode
 from ampi.simulation.closed_loop import FlightStatus
-from ampi.simulation.monte_carlo import Flights
+from ampi.simulation.flights import Flights
 from ampi.simulation.statistics import (
     TABLE_5_RADII,
     Fraction,

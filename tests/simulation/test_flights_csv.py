@@ -12,8 +12,8 @@ import pytest
 from ampi.missions.mission import Mission
 from ampi.onboard.reference import Mode
 from ampi.simulation.closed_loop import FlightStatus
+from ampi.simulation.flights import Flights
 from ampi.simulation.flights_csv import write_flights_csv
-from ampi.simulation.monte_carlo import Flights
 
 FlightMaker = Callable[..., Flights]
 

@@ -17,14 +17,9 @@ from ampi.onboard.reference import Mode
 from ampi.physics.path_constraints import path_constraints
 from ampi.simulation.closed_loop import FlightStatus
 from ampi.simulation.dispersions import Dispersions, Distribution
-from ampi.simulation.monte_carlo import (
-    BATCH,
-    Flights,
-    fly,
-    fly_modes,
-    load_campaigns,
-    save_campaigns,
-)
+from ampi.simulation.flights import Flights
+from ampi.simulation.flights_file import load_campaigns, save_campaigns
+from ampi.simulation.monte_carlo import BATCH, fly, fly_modes
 from ampi.simulation.statistics import judge
 
 N = 230

@@ -37,7 +37,7 @@ from ampi.report.figures.panels import (
     place_legend,
 )
 from ampi.report.quantities import CONTROL_QUANTITIES, ENTRY_QUANTITIES
-from ampi.simulation.monte_carlo import Flights
+from ampi.simulation.flights import Flights
 
 Array = NDArray[np.float64]
 

@@ -26,7 +26,7 @@ from ampi.report.figures.look import (
 from ampi.report.figures.panels import FIGURE_WIDTH, line_key, marker_key, place_legend
 from ampi.report.published import is_of_the_paper
 from ampi.report.quantities import CROSSRANGE, DOWNRANGE, KILO
-from ampi.simulation.monte_carlo import Flights
+from ampi.simulation.flights import Flights
 from ampi.simulation.statistics import ELLIPSE, TABLE_5_RADII
 
 Array = NDArray[np.float64]

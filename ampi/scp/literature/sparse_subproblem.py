@@ -27,7 +27,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
 
-from ampi.scp.cone_program import USABLE, solve_cone_program
+from ampi.scp.cone_program import ConeStatus, solve_cone_program
 
 Array = NDArray[np.float64]
 
@@ -107,12 +107,12 @@ class SparseStep:
     limit_slack: Array  # p (n_limits,)
     dynamics_multipliers: Array  # of the rows of D (m, n_x)
     objective: float
-    status: str
+    status: ConeStatus
 
     @property
     def usable(self) -> bool:
         """Whether the step may be taken."""
-        return self.status in USABLE and bool(np.all(np.isfinite(self.states)))
+        return self.status.is_usable and bool(np.all(np.isfinite(self.states)))
 
 
 def solve_sparse_subproblem(problem: SparseSubproblem) -> SparseStep:
@@ -159,7 +159,9 @@ def solve_sparse_subproblem(problem: SparseSubproblem) -> SparseStep:
     return _step(p, solution.primal, price, solution.objective, solution.status)
 
 
-def _step(p: SparseSubproblem, y: Array, price: Array, objective: float, status: str) -> SparseStep:
+def _step(
+    p: SparseSubproblem, y: Array, price: Array, objective: float, status: ConeStatus
+) -> SparseStep:
     n_x, first_slack = p.n_nodes * p.n_states, p.width + 1
     first_limit = first_slack + len(p.target)
     return SparseStep(

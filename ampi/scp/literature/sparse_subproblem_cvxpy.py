@@ -19,7 +19,7 @@ import cvxpy as cp
 import numpy as np
 from numpy.typing import NDArray
 
-from ampi.scp.condensed.subproblem_cvxpy import STATUS
+from ampi.scp.cone_program import ConeStatus
 from ampi.scp.literature.sparse_subproblem import SparseStep, SparseSubproblem
 
 Array = NDArray[np.float64]
@@ -86,9 +86,9 @@ def solve_sparse_subproblem_cvxpy(
     try:
         program.solve(solver=solver)
     except cp.error.SolverError:  # the solver gave up: an outcome, not a misuse
-        return _unsolved(p, "solver_error")
+        return _unsolved(p, ConeStatus.NUMERICAL_ERROR)
     if change.value is None or relaxation.value is None:
-        return _unsolved(p, str(program.status))
+        return _unsolved(p, ConeStatus.of_cvxpy(program.status))
     value = np.asarray(change.value)
     return SparseStep(
         states=value[: n * n_x].reshape(n, n_x),
@@ -99,11 +99,11 @@ def solve_sparse_subproblem_cvxpy(
         limit_slack=np.maximum(np.asarray(excess.value), 0.0),
         dynamics_multipliers=np.asarray(constraints[0].dual_value).reshape(-1, n_x),
         objective=float(program.value),
-        status=STATUS.get(program.status, str(program.status)),
+        status=ConeStatus.of_cvxpy(program.status),
     )
 
 
-def _unsolved(p: SparseSubproblem, status: str) -> SparseStep:
+def _unsolved(p: SparseSubproblem, status: ConeStatus) -> SparseStep:
     nan = np.full(p.width, np.nan)
     n_x = p.n_nodes * p.n_states
     return SparseStep(
