@@ -12,13 +12,12 @@ Whatever is finished is on disk (records); only the last step writes the file.
 
 from __future__ import annotations
 
-import errno
 import math
 import pickle
 import shutil
 import time
 from collections.abc import Callable, Collection, Iterator, Mapping
-from contextlib import AbstractContextManager, closing, contextmanager
+from contextlib import AbstractContextManager, closing
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from threading import Thread
@@ -37,15 +36,15 @@ from ampi.dataset import (
 )
 from ampi.missions.mission import Mission
 from ampi.propagation.reintegration import flown_again
+from ampi.scp.condensed.exact_hessian import SolverSettings
 from ampi.scp.problem.capabilities import check
 from ampi.scp.problem.scaled_problem import OptimalControlProblem
 from ampi.scp.problem.shortfall import verdict
 from ampi.scp.solve import solve
 from ampi.tracker_design.riccati_gains import GainSettings
 from ampi.trajectory import Status, Trajectory
-from ampi.workers.job import JobError
 from ampi.workers.supervisor import require_workers
-from database.build_report import TALLIED, BuildReport, Tally
+from database.build_report import BuildReport, Tally
 from database.estimate import MOST_EVER
 from database.factory.claim import claim, differences, fingerprint_of
 from database.factory.engines import ClusterEngine, Engine, LocalEngine
@@ -54,35 +53,38 @@ from database.factory.schedule import Task, run_jobs
 from database.factory.second_pass import second_pass
 from database.factory.tasks import planned_tasks
 from database.file.blocks import Block, blocks
-from database.file.hdf5_file import decoded_block
+from database.file.encoded_block import SUMMARISED, BlockSummary, EncodedBlock
 from database.file.provenance import provenance
 from database.file.writer import write_database
-from database.records.campaign import TIME_LIMIT, BuildError, Campaign, Solver, lost
-from database.records.lock import LockedError, NoLocksError, exclusive
+from database.records.campaign import TIME_LIMIT, BuildError, Campaign, Solver, solver_name
+from database.records.case_record import CaseRecord
+from database.records.fingerprint import label_of
+from database.records.lock import exclusive
+from database.records.reader import RecordReader, lost
 from database.records.record_files import (
-    CaseRecord,
+    NOT_KEPT,
+    Files,
     block_path,
-    count_records,
     discard_records,
-    label_of,
     load_block,
     no_parts,
     record_path,
     recorded_cases,
 )
+from database.stopped import told
 
-KNOWN_AT_ONCE = 256  # files open at the same time
+KNOWN_AT_ONCE = 256  # records of a file
 
 
 @dataclass(frozen=True, eq=False)
-class KnownCase:
+class KnownOptimum:
     """An optimum that a build need not find again."""
 
     trajectory: Trajectory
     message: str  # how it was solved
 
     @classmethod
-    def of(cls, dataset: TrajectoryDataset, case: int) -> KnownCase:
+    def of(cls, dataset: TrajectoryDataset, case: int) -> KnownOptimum:
         """A case of an existing database."""
         message = dataset.message.ravel()[case].decode("utf-8", "replace")
         return cls(dataset.trajectory(case), message)
@@ -98,7 +100,8 @@ def build(
     time_limit: float = TIME_LIMIT,
     gains: GainSettings | None = None,
     solver: Solver = solve,
-    known: Mapping[int, KnownCase] | None = None,
+    settings: SolverSettings | None = None,
+    known: Mapping[int, KnownOptimum] | None = None,
     advance: Callable[[int], None] | None = None,
 ) -> BuildReport:
     """Solve the mission's grid and write the trajectory database.
@@ -125,6 +128,8 @@ def build(
         Weights of the tracking gains.
     solver
         The optimiser, a function of a module: another one to measure the runner by itself.
+    settings
+        Solver settings of `ampi.solve`, for every solve of the build; the defaults need no tuning.
     known
         Optima by case that are kept instead of solved, where the folder has no record yet: of a coarser
         grid, or of a database repaired.
@@ -155,11 +160,18 @@ def build(
     if not Path(path).parent.is_dir():
         raise BuildError(f"{path}: the folder {Path(path).parent} does not exist")
     path = Path(path).absolute()  # what `advance` or a solver does may change the working folder
-    _refuse_unknown(mission, solver)
+    _refuse_unknown(mission, solver, settings)
     _refuse_other_database(path, mission)
     folder = partial_folder(path)
-    settings = gains or GainSettings()
-    campaign = Campaign(mission.toml, folder, solver, time_limit, settings, build=str(uuid4()))
+    campaign = Campaign(
+        mission.toml,
+        folder,
+        solver,
+        settings or SolverSettings(),
+        time_limit,
+        gains or GainSettings(),
+        build=str(uuid4()),
+    )
     try:
         pickle.dumps(campaign)
     except (pickle.PicklingError, AttributeError, TypeError):
@@ -173,7 +185,7 @@ def build(
         if seal_holds(path):
             return _already_whole(path, campaign, fingerprint_of(campaign, taken_over))
     with (
-        _told(folder, path),
+        told(folder, path),
         exclusive(folder),
         no_parts(folder),
         _engine(n_jobs, client) as engine,
@@ -183,11 +195,14 @@ def build(
             folder, fingerprint_of(campaign, taken_over), mission.toml, resume=resume
         )
         campaign = replace(campaign, label=label_of(fingerprint))
-        _keep_known(campaign, known or {})
+        files, damaged = recorded_cases(folder, campaign.grid.size, campaign.label)
+        for file in damaged:
+            file.unlink()
+        _keep_known(campaign, files, known or {})
         attributes = provenance(campaign, fingerprint)
         settled = {case for case, flown in taken_over.items() if not flown.status.ok}
         notify = advance or (lambda count: None)
-        return _Build(campaign, path, attributes, engine, notify, settled).run()
+        return _Build(campaign, path, attributes, engine, notify, settled, files).run()
 
 
 def _already_whole(path: Path, campaign: Campaign, fingerprint: dict[str, str]) -> BuildReport:
@@ -207,22 +222,21 @@ def _already_whole(path: Path, campaign: Campaign, fingerprint: dict[str, str]) 
             )
         tally, shape = Tally.of(campaign.mission), campaign.grid.shape
         for block in blocks(shape):
-            values = {name: file[name][block.slices] for name in (*TALLIED, "message")}
-            cases = block.cases(shape)
-            for k in tally.count(cases, values):
-                status = int(values["status"].ravel()[k])
-                tally.fail(cases[k], status, values["message"].ravel()[k])
+            values = {name: file[name][block.slices] for name in SUMMARISED}
+            tally.count(block.cases(shape), BlockSummary.of(values))
     return tally.report(path, resumed=campaign.grid.size, already_whole=True)
 
 
-def _keep_known(campaign: Campaign, known: Mapping[int, KnownCase]) -> None:
-    """Records of the optima that are known, where there are none yet."""
-    missing = [case for case in known if campaign.record(case) is None]
+def _keep_known(campaign: Campaign, files: Files, known: Mapping[int, KnownOptimum]) -> None:
+    """Records of the optima that are known, where `files` has none yet."""
+    missing = [case for case in known if files[case] == NOT_KEPT]
     for k in range(0, len(missing), KNOWN_AT_ONCE):
-        campaign.keeping(
-            CaseRecord(case, known[case].trajectory, known[case].message, 0, 0.0)
-            for case in missing[k : k + KNOWN_AT_ONCE]
-        )()
+        cases = missing[k : k + KNOWN_AT_ONCE]
+        records = [
+            CaseRecord(case, known[case].trajectory, known[case].message, 0, 0.0) for case in cases
+        ]
+        campaign.keeping(records)()
+        files[cases] = cases[0]
 
 
 def _engine(n_jobs: int, client: Any) -> AbstractContextManager[Engine]:
@@ -240,6 +254,7 @@ class _Build:
     engine: Engine
     advance: Callable[[int], None]
     settled: Collection[int]  # unsolved cases that are known: not to be tried again
+    files: Files  # where the record of each case lies
     again: set[int] = field(default_factory=set)  # blocks that a second pass has assembled anew
     began: float = field(default_factory=time.perf_counter)
 
@@ -247,28 +262,24 @@ class _Build:
         """From what is kept to the whole file."""
         campaign, grid = self.campaign, self.campaign.grid
         nominal = int(np.ravel_multi_index(grid.centre, grid.shape))
-        kept = recorded_cases(campaign.folder, grid.size)
-        for case in map(int, np.flatnonzero(kept)):
-            if self.record(case) is None:  # what cannot be read would pass for a result
-                kept[case] = False
-                record_path(campaign.folder, case).unlink(missing_ok=True)
-        if kept[nominal]:
-            self.require_nominal(nominal)
-        resumed = int(np.count_nonzero(kept))
+        final_time = np.nan
+        if self.files[nominal] != NOT_KEPT:
+            final_time = self.required(nominal).final_time
+        resumed = int(np.count_nonzero(self.files != NOT_KEPT))
         self.advance(resumed)
 
-        def finished(case: int) -> None:
-            if case == nominal:
-                self.require_nominal(nominal)
-            self.advance(1)
+        def finished(cases: tuple[int, ...]) -> None:
+            nonlocal final_time
+            if nominal in cases:  # what follows from it is being solved meanwhile
+                final_time = self.required(nominal).final_time
+            self.advance(len(cases))
 
-        tasks = planned_tasks(campaign, kept, self.engine.width)
-        run_jobs(tasks, kept, self.engine, finished)
+        tasks = planned_tasks(campaign, self.files, self.engine.width)
+        run_jobs(tasks, self.files, self.engine, finished)
         self.try_again()
         Thread(target=self.engine.close).start()  # they end while the file is written
         solve_seconds = time.perf_counter() - self.began
         tally = Tally.of(campaign.mission)
-        final_time = self.require_nominal(nominal).trajectory.final_time
         write_database(self.path, campaign, self.attributes, final_time, self.tallied(tally))
         discard_records(campaign.folder)
         # the file is whole; what is left `exclusive` sees to
@@ -288,131 +299,77 @@ class _Build:
         """
         shape, unsolved = self.campaign.grid.shape, list[int]()
         for block in blocks(shape):
-            status = decoded_block(self.block(block), block.shape, ("status",))["status"].ravel()
-            failed = np.flatnonzero(~np.isin(status, (int(Status.SOLVED), int(Status.ERROR))))
-            if len(failed):
-                cases = block.cases(shape)
-                found = [cases[k] for k in failed if cases[k] not in self.settled]
-                unsolved += found
-                if found:
-                    self.again.add(block.number)
+            failed = self.block(block).summary.unsolved
+            cases = block.cases(shape)
+            found = [
+                int(cases[k]) for k, (status, _) in failed.items() if status is not Status.ERROR
+            ]
+            found = [case for case in found if case not in self.settled]
+            unsolved += found
+            if found:
+                self.again.add(block.number)
         if not unsolved:
             return
-        self.campaign = second_pass(self.campaign, unsolved, self.engine)
+        self.campaign = second_pass(self.campaign, self.files, unsolved, self.engine)
         folder, label = self.campaign.round_folder, self.campaign.label
         tasks = (
-            Task(AssembleBlock(self.campaign, block), ())
+            Task(AssembleBlock(self.campaign, block), block.cases(shape))
             for block in blocks(shape)
             if block.number in self.again and load_block(folder, block.number, label) is None
         )
-        done = np.ones(self.campaign.grid.size, dtype=bool)
-        run_jobs(tasks, done, self.engine, lambda case: None)
+        run_jobs(tasks, self.files, self.engine, lambda cases: None)
 
-    def tallied(self, tally: Tally) -> Iterator[tuple[Block, bytes]]:
+    def tallied(self, tally: Tally) -> Iterator[tuple[Block, EncodedBlock]]:
         """The blocks in index order, counted on the way."""
         shape = self.campaign.grid.shape
         for block in blocks(shape):
             encoded = self.block(block)
-            values = decoded_block(encoded, block.shape, TALLIED)
-            cases = block.cases(shape)
-            unsolved = tally.count(cases, values)
-            if len(unsolved):
-                messages = decoded_block(encoded, block.shape, ("message",))["message"].ravel()
-                status = values["status"].ravel()
-                for k in unsolved:
-                    tally.fail(cases[k], int(status[k]), messages[k])
+            tally.count(block.cases(shape), encoded.summary)
             yield block, encoded
 
-    def record(self, case: int) -> CaseRecord | None:
-        """What is kept of a case."""
-        return self.campaign.record(case)
-
-    def block(self, block: Block) -> bytes:
+    def block(self, block: Block) -> EncodedBlock:
         """An assembled block."""
         again = self.campaign.rounds and block.number in self.again
         folder = self.campaign.round_folder if again else self.campaign.folder
         encoded = load_block(folder, block.number, self.campaign.label)
         if encoded is None:
-            raise BuildError(
-                f"{block_path(folder, block.number)} has disappeared or changed during "
-                "the build; run the same build again"
-            )
-        return encoded
+            raise BuildError(f"{lost(block_path(folder, block.number))}; run the same build again")
+        return EncodedBlock.unpacked(encoded)
 
-    def require_nominal(self, case: int) -> CaseRecord:
-        """Without a nominal optimum there is nothing to continue from, and nothing to fly."""
-        record, folder = self.record(case), self.campaign.folder
-        if record is None:
-            raise BuildError(f"{lost(folder, case)}; run the same build again")
-        if record.trajectory.status is Status.ERROR:  # no verdict: it raised, hung or was killed
-            record_path(folder, case).unlink()
+    def required(self, case: int) -> Trajectory:
+        """The nominal optimum: without it there is nothing to continue from, and nothing to fly."""
+        campaign, mission = self.campaign, self.campaign.mission
+        record = RecordReader(campaign, {case: int(self.files[case])}).record(case)
+        nominal, message = record.trajectory, record.message
+        if nominal.status is Status.ERROR:  # no verdict: it raised, hung or was killed
+            record_path(campaign.folder, case).unlink()
             raise BuildError(
-                f"{self.campaign.mission.name}: the nominal problem could not be solved "
-                f"({record.message}); run the same build again when that is mended"
+                f"{mission.name}: the nominal problem could not be solved "
+                f"({message}); run the same build again when that is mended"
             )
-        mission, message, help_ = (
-            self.campaign.mission,
-            record.message,
-            "move the target, widen the limits",
-        )
-        nominal = record.trajectory
-        if nominal.status.ok and self.campaign.judged:
-            nominal = flown_again(self.campaign.mission, nominal)
+        help_ = "move the target, widen the limits"
+        if nominal.status.ok and campaign.judged:
+            nominal = flown_again(mission, nominal)
             message, help_ = verdict(mission, nominal), "refine the mesh, ask for a margin"
         if not nominal.status.ok:
-            shutil.rmtree(folder, ignore_errors=True)
+            self.engine.close()  # what follows from it is being solved
+            shutil.rmtree(campaign.folder, ignore_errors=True)
             raise BuildError(
                 f"{mission.name}: the nominal problem has no solution ({message}) Nothing was "
                 f"written; {help_}, or try another guess"
             )
-        return record
+        return nominal
 
 
-@contextmanager
-def _told(folder: Path, path: Path) -> Iterator[None]:
-    """What stops a build from outside, in one sentence that says how to go on."""
-    try:
-        yield
-    except LockedError as locked:
-        raise BuildError(
-            f"{path} is being built by {locked.holder}; wait for it, or choose another path"
-        ) from None
-    except NoLocksError as error:
-        raise BuildError(
-            f"{folder}: its file system has no locks ({error}), so nothing would keep two builds of one "
-            "file apart; choose a path on another file system, or mount this one with locks"
-        ) from None
-    except OSError as error:
-        reason = error.strerror or str(error)
-        way_out = _WAYS_OUT.get(error.errno or 0, "run the same build again when that is mended")
-        raise BuildError(
-            f"{error.filename or folder}: {reason}; {_kept(folder)}{way_out}"
-        ) from None
-    except JobError as error:
-        raise BuildError(f"{path}: {error}; {_kept(folder)}run the same build again") from None
-
-
-_WAYS_OUT = {
-    errno.ENOENT: "run the same build again, or choose another path",
-    errno.ENOSPC: "make room and run the same build again",
-    errno.EDQUOT: "make room and run the same build again",
-    errno.EFBIG: "allow larger files and run the same build again",
-    errno.EROFS: "choose a folder that can be written",
-    errno.EACCES: "choose a folder that can be written",
-    errno.EPERM: "choose a folder that can be written",
-}
-
-
-def _kept(folder: Path) -> str:
-    try:
-        count = count_records(folder)
-    except OSError:
-        return ""
-    return f"{count} finished cases are kept in {folder}: " if count else ""
-
-
-def _refuse_unknown(mission: Mission, solver: Solver) -> None:
+def _refuse_unknown(mission: Mission, solver: Solver, settings: SolverSettings | None) -> None:
     """What a case asks for the optimiser must know, and all must have the same rows of the target."""
+    if settings is not None and solver is not solve:
+        raise BuildError(
+            f"settings: expected None with another optimiser than ampi.solve ({solver_name(solver)}), "
+            "got some; leave them out"
+        )
+    if not isinstance(settings, SolverSettings | None):
+        raise BuildError(f"settings: expected SolverSettings or None, got {settings!r}")
     rows = OptimalControlProblem.from_mission(mission).target.state
     points = [mission.nominal_parameters]
     for i, axis in enumerate(mission.grid_axes):

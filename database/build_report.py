@@ -19,10 +19,10 @@ from numpy.typing import NDArray
 from ampi.missions.mission import Mission
 from ampi.missions.parameters import Parameter
 from ampi.trajectory import Status
-from database.audit.branches import STATIONS, branch_doubt, stations, suspects
+from database.audit.branches import branch_doubt, suspects
+from database.file.encoded_block import STATIONS, BlockSummary
 from database.plan.grid import Grid
 
-TALLIED = ("status", "iterations", "position_error", "peak", "states")
 FEW = 2  # failures that are named one by one
 MOST_PLACES = 2  # axis values that are named before the rest is "elsewhere"
 MOST_LETTERS = 240  # of an error
@@ -94,18 +94,19 @@ class Tally:
         cases = math.prod(len(p.offsets) for p in mission.parameters)
         return cls(mission, np.full((cases, STATIONS), np.nan, np.float32))
 
-    def count(self, cases: list[int], values: Mapping[str, NDArray[Any]]) -> NDArray[np.intp]:
-        """Add a block's fields (those `TALLIED`); the places in it of cases without a solution."""
-        good = values["status"].ravel() == int(Status.SOLVED)
-        bank = stations(values["states"]).reshape(-1, STATIONS)
-        self.bank[cases] = np.where(good[:, None], bank, np.nan)
-        self.iterations.update(values["iterations"].ravel()[good].tolist())
-        error, peak = values["position_error"].ravel(), values["peak"].reshape(len(good), -1)
-        self.worst_position_error = _worst(self.worst_position_error, error[good])
-        self.worst_limit = _worst(self.worst_limit, peak[good])
-        return np.flatnonzero(~good)
+    def count(self, cases: NDArray[np.int64], block: BlockSummary) -> None:
+        """Add a block and its cases (c,)."""
+        numbers = block.numbers
+        good = numbers["status"][:, 0] == int(Status.SOLVED)
+        self.bank[cases] = np.where(good[:, None], numbers["bank"], np.nan)
+        self.iterations.update(numbers["iterations"][good, 0].tolist())
+        error, peak = numbers["position_error"][good], numbers["peak"][good]
+        self.worst_position_error = _worst(self.worst_position_error, error)
+        self.worst_limit = _worst(self.worst_limit, peak)
+        for place, (status, message) in block.unsolved.items():
+            self.fail(int(cases[place]), status, message)
 
-    def fail(self, case: int, status: int, message: bytes) -> None:
+    def fail(self, case: int, status: Status, message: bytes) -> None:
         """Add a case without a solution."""
         parameters = self.mission.parameters
         shape = tuple(len(p.offsets) for p in parameters)
@@ -117,7 +118,7 @@ class Tally:
                 values={
                     p.key: in_unit_of_key(p, i) for p, i in zip(parameters, index, strict=True)
                 },
-                status=Status(status),
+                status=status,
                 message=message.decode("utf-8", "replace"),
             )
         )

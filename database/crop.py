@@ -19,7 +19,7 @@ from ampi.dataset import TrajectoryDataset, read_dataset
 from ampi.missions.mission import Mission
 from ampi.missions.parameters import measured_values
 from ampi.scp.solve import solve
-from database.build import KnownCase, build
+from database.build import KnownOptimum, build
 from database.build_report import BuildReport, in_unit_of_key
 from database.plan.grid import Grid
 from database.records.campaign import BuildError, Solver, as_built
@@ -183,7 +183,7 @@ def with_points(mission: Mission, kept: Kept) -> Mission:
     return mission.with_grid({**dict(mission.grid.offsets), **axes})
 
 
-def taken_over(dataset: TrajectoryDataset, kept: Kept) -> dict[int, KnownCase]:
+def taken_over(dataset: TrajectoryDataset, kept: Kept) -> dict[int, KnownOptimum]:
     """The cases that stay, solved or not, numbered as in the cropped grid.
 
     An axis of one point is none; C order does not depend on it.
@@ -191,7 +191,7 @@ def taken_over(dataset: TrajectoryDataset, kept: Kept) -> dict[int, KnownCase]:
     known = {}
     numbers = np.arange(dataset.solved.size).reshape(dataset.shape)[np.ix_(*kept)]
     for number, case in enumerate(numbers.ravel().tolist()):
-        found = KnownCase.of(dataset, case)
+        found = KnownOptimum.of(dataset, case)
         first = found.message.split(BEFORE)[-1]  # not a line more with every crop
-        known[number] = KnownCase(found.trajectory, f"case {case}{BEFORE}{first}")
+        known[number] = KnownOptimum(found.trajectory, f"case {case}{BEFORE}{first}")
     return known

@@ -24,12 +24,14 @@ NODES = 64
 ROWS = len(LINEAR_TRACKING)  # of doubles at each node
 RECORDED_ROWS = N_STATES + len(CONTROLS)
 FILE_SHARE = 0.95  # of the numbers, once they are compressed: their last digits are noise
-PAGE = 4096  # bytes that a file of the smallest size takes
+RECORD_HEAD = 400  # bytes: status, message, multipliers
 DRIVER_MEMORY = 130e6  # bytes
 WORKER_MEMORY = 330e6
-CASE_MEMORY = 6  # bytes of the driver: whether a case is kept, how far from the centre it lies
+CASE_MEMORY = (
+    25  # bytes of the driver: where a case is kept, its distance, its bank at the stations
+)
 
-MOST_EVER = 10_000_000  # cases: a build keeps a file for each
+MOST_EVER = 10_000_000  # cases: a build keeps a file for each portion, and a record of each
 MOST_CASES = 100_000  # without a question
 MOST_SECONDS = 3600.0
 
@@ -78,13 +80,13 @@ def estimate(mission: Mission, path: str | Path, *, workers: int) -> Estimate:
     together = Campaign(mission.toml, path).together
     each = TOGETHER_SECONDS * nodes / NODES if together else ALONE_SECONDS
     file_bytes = FILE_SHARE * 8.0 * ROWS * nodes * cases
-    record = PAGE * math.ceil(8.0 * RECORDED_ROWS * nodes / PAGE)
+    record = RECORD_HEAD + 8.0 * RECORDED_ROWS * nodes
     return Estimate(
         cases=cases,
         workers=workers,
         seconds=each * cases / workers,
         file_bytes=file_bytes,
-        disk_bytes=2.0 * file_bytes + float(record) * cases,  # blocks, and the file beside them
+        disk_bytes=2.0 * file_bytes + record * cases,  # blocks, and the file beside them
         free_bytes=float(shutil.disk_usage(_existing(path.parent)).free),
         memory_bytes=DRIVER_MEMORY + CASE_MEMORY * cases + WORKER_MEMORY * workers,
     )

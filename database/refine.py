@@ -16,7 +16,7 @@ from ampi.dataset import TrajectoryDataset, read_dataset
 from ampi.missions.mission import Mission
 from ampi.scp.solve import solve
 from database.audit.error_map import CellError, best_cell, error_map
-from database.build import KnownCase, build
+from database.build import KnownOptimum, build
 from database.build_report import BuildReport
 from database.plan.grid import Grid
 from database.records.campaign import BuildError, Solver, as_built
@@ -84,18 +84,18 @@ def with_point(mission: Mission, parameter: str, offset: float) -> Mission:
 
 def carried_over(
     dataset: TrajectoryDataset, refined: Mission, parameter: str
-) -> dict[int, KnownCase]:
+) -> dict[int, KnownOptimum]:
     """The solved cases of a database, numbered as in the refined mission's grid."""
     old, new = Grid.from_mission(dataset.mission), Grid.from_mission(refined)
     i = old.names.index(parameter)
     moved_to = [int(np.flatnonzero(new.axes[i] == value)[0]) for value in old.axes[i]]
-    known: dict[int, KnownCase] = {}
+    known: dict[int, KnownOptimum] = {}
     for case in np.flatnonzero(dataset.solved.ravel()):
         index = [int(k) for k in np.unravel_index(case, old.shape)]
         index[i] = moved_to[index[i]]
         number = int(np.ravel_multi_index(index, new.shape))
-        kept = KnownCase.of(dataset, int(case))
+        kept = KnownOptimum.of(dataset, int(case))
         first = kept.message.split(BEFORE)[-1]  # not a line more with every refinement
         message = f"case {case}{BEFORE}{first}"
-        known[number] = KnownCase(kept.trajectory, message)
+        known[number] = KnownOptimum(kept.trajectory, message)
     return known

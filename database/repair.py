@@ -19,11 +19,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ampi.dataset import TrajectoryDataset, partial_folder, read_dataset
+from ampi.scp.condensed.exact_hessian import SolverSettings
 from ampi.scp.solve import solve
 from ampi.trajectory import Trajectory
 from database.audit.branches import Branches, branches, continued, same_optimum
 from database.audit.coherence import Outlier, case_roughness, coherence, family_rows
-from database.build import KnownCase, build
+from database.build import KnownOptimum, build
 from database.plan.grid import Grid
 from database.records.campaign import BuildError, Campaign, Solver, as_built
 
@@ -88,11 +89,13 @@ def repair(
     dataset = read_dataset(path)
     settings = as_built(dataset, solver)
     known = {
-        int(case): KnownCase.of(dataset, int(case))
+        int(case): KnownOptimum.of(dataset, int(case))
         for case in np.flatnonzero(dataset.solved.ravel())
     }
-    campaign = Campaign(dataset.mission.toml, path, solver)
-    done: list[Repair | Move] = [*_smoothed(dataset, solver, known), *_gathered(campaign, known)]
+    campaign = Campaign(
+        dataset.mission.toml, path, solver, settings["settings"] or SolverSettings()
+    )
+    done: list[Repair | Move] = [*_smoothed(dataset, campaign, known), *_gathered(campaign, known)]
     if any(one.replaced for one in done):
         mended = path.with_name(f".{path.name}.repaired")
         build(dataset.mission, mended, n_jobs=n_jobs, resume=False, known=known, **settings)
@@ -101,7 +104,7 @@ def repair(
 
 
 def _smoothed(
-    dataset: TrajectoryDataset, solver: Solver, known: dict[int, KnownCase]
+    dataset: TrajectoryDataset, campaign: Campaign, known: dict[int, KnownOptimum]
 ) -> Iterator[Repair]:
     """Replace in `known` each outlier for which a neighbour leads to a smoother optimum."""
     found = coherence(dataset)
@@ -113,7 +116,7 @@ def _smoothed(
             if neighbour in suspects or neighbour not in known:
                 continue
             mission = dataset.mission.with_parameters(grid.point(outlier.case))
-            candidate = solver(mission, guess=known[neighbour].trajectory)
+            candidate = campaign.solve(mission, known[neighbour].trajectory)
             if not candidate.status.ok:
                 continue
             rows[outlier.index] = _rows(candidate)
@@ -124,18 +127,18 @@ def _smoothed(
         suspects.discard(outlier.case)
         rows[outlier.index] = _rows(best or known[outlier.case].trajectory)
         if best is not None:
-            known[outlier.case] = KnownCase(best, message)
+            known[outlier.case] = KnownOptimum(best, message)
         yield Repair(outlier, roughness, best is not None, message)
 
 
-def _gathered(campaign: Campaign, known: dict[int, KnownCase]) -> Iterator[Move]:
+def _gathered(campaign: Campaign, known: dict[int, KnownOptimum]) -> Iterator[Move]:
     """Bring all cases in `known` onto one branch, if that leaves fewer astray."""
     optima = {case: kept.trajectory for case, kept in known.items()}
-    before = branches(campaign.mission, optima, campaign.solver)
+    before = branches(campaign.mission, optima, campaign.solver, campaign.settings)
     if not before.astray:
         return
     reached, origin = _common_branch(campaign, optima, before)
-    after = branches(campaign.mission, {**optima, **reached}, campaign.solver)
+    after = branches(campaign.mission, {**optima, **reached}, campaign.solver, campaign.settings)
     improved = len(after.cases) < len(before.cases)
     moved = [case for case in reached if improved and reached[case] is not optima[case]]
     for case in sorted({*moved, *after.cases} if improved else before.cases):
@@ -143,7 +146,7 @@ def _gathered(campaign: Campaign, known: dict[int, KnownCase]) -> Iterator[Move]
         message = "no branch leads here that would leave fewer cases astray."
         if case in moved:
             message = f"re-solved from case {origin[case]}: {now.status.sentence}"
-            known[case] = KnownCase(now, message)
+            known[case] = KnownOptimum(now, message)
         entry = float(optima[case].states[6, 0]), float(now.states[6, 0])
         yield Move(case, entry, (optima[case].cost, now.cost), case in moved, message)
 

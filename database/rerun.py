@@ -6,7 +6,7 @@ file or from the records of a build under way. Nothing is written.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -25,8 +25,9 @@ from database.factory.second_pass import nearby
 from database.plan.continuation import planned
 from database.plan.grid import Grid
 from database.plan.prediction import predicted
-from database.records.campaign import Campaign, Solver, require_solver
-from database.records.record_files import FINGERPRINTS, label_of, load_record, read_fingerprint
+from database.records.campaign import Campaign, Solver, require_solver, settings_of
+from database.records.fingerprint import label_of, read_fingerprint
+from database.records.record_files import FINGERPRINTS, load_records, recorded_cases
 
 PATIENCE = 86400.0  # s for one solve: a person is watching, and can stop it
 
@@ -92,8 +93,9 @@ def rerun(
         If the grid has no such case, or another optimiser built it.
     """
     toml, made_by, stored = _open(Path(path))
-    require_solver(made_by, solver)
-    campaign = Campaign(toml, Path(path), solver, time_limit=PATIENCE)
+    require_solver(made_by["solver"], solver)
+    settings = settings_of(made_by["settings"])
+    campaign = Campaign(toml, Path(path), solver, settings, time_limit=PATIENCE)
     mission, grid = campaign.mission, campaign.grid
     if not 0 <= case < grid.size:
         raise ValueError(f"case: expected a number from 0 to {grid.size - 1}, got {case}")
@@ -139,8 +141,8 @@ def rerun(
 Stored = Callable[[int], tuple[Trajectory, str] | None]
 
 
-def _open(path: Path) -> tuple[str, str, Stored]:
-    """Mission text, the optimiser's name, and of each case what is known: trajectory and message."""
+def _open(path: Path) -> tuple[str, Mapping[str, str], Stored]:
+    """Mission text, what made the cases, and of each what is known: trajectory and message."""
     folder = path if path.is_dir() else partial_folder(path)
     if path.is_file() or not folder.is_dir():
         dataset = read_dataset(path)  # an absent file is its error
@@ -148,7 +150,7 @@ def _open(path: Path) -> tuple[str, str, Stored]:
         def from_file(case: int) -> tuple[Trajectory, str]:
             return dataset.trajectory(case), dataset.message.ravel()[case].decode()
 
-        return dataset.mission.toml, str(dataset.attributes["solver"]), from_file
+        return dataset.mission.toml, dataset.attributes, from_file
     try:
         toml = (folder / "mission.toml").read_text(encoding="utf-8")
     except OSError:
@@ -159,12 +161,13 @@ def _open(path: Path) -> tuple[str, str, Stored]:
     if fingerprint is None:
         raise DatasetError(f"{folder}: neither {' nor '.join(FINGERPRINTS)} can be read")
     mission, label = parse_mission(toml), label_of(fingerprint)
+    files, _ = recorded_cases(folder, Grid.from_mission(mission).size, label)
 
     def from_records(case: int) -> tuple[Trajectory, str] | None:
-        record = load_record(folder, case, mission, label)
-        return None if record is None else (record.trajectory, record.message)
+        found = load_records(folder, int(files[case]), (case,), mission, label)
+        return (found[case].trajectory, found[case].message) if found else None
 
-    return toml, fingerprint["solver"], from_records
+    return toml, fingerprint, from_records
 
 
 def _solved_neighbours(grid: Grid, case: int, stored: Stored) -> dict[int, Trajectory]:

@@ -32,12 +32,14 @@ from ampi.physics.path_constraints import path_constraints
 from ampi.pseudospectral.lagrange import barycentric_weights, interpolation_matrix
 from ampi.trajectory import Trajectory
 from database.factory.engines import LocalEngine
-from database.factory.jobs import AssembleBlock, SolveTogether
+from database.factory.jobs import AssembleBlock, SolvePortion
 from database.factory.schedule import run_jobs
 from database.factory.tasks import planned_tasks
 from database.plan.continuation import layers
 from database.plan.grid import Grid
 from database.records.campaign import Campaign
+from database.records.reader import RecordReader
+from database.records.record_files import nowhere
 
 Array = NDArray[np.float64]
 
@@ -215,14 +217,14 @@ def ours(mission: Mission, n_jobs: int) -> dict[str, Any]:
         campaign = Campaign(mission.toml, Path(folder))
         began = time.perf_counter()
         engine = LocalEngine(n_jobs)
-        kept = np.zeros(campaign.grid.size, dtype=bool)
-        tasks = planned_tasks(campaign, kept, engine.width)
+        files = nowhere(campaign.grid.size)
+        tasks = planned_tasks(campaign, files, engine.width)
         solving = (task for task in tasks if not isinstance(task.job, AssembleBlock))
-        run_jobs(solving, kept, engine, lambda case: None)
+        run_jobs(solving, files, engine, lambda cases: None)
         seconds = time.perf_counter() - began
         engine.close()
-        found = [campaign.record(k) for k in range(campaign.grid.size)]
-    records = [r for r in found if r is not None]
+        found = RecordReader(campaign, dict(enumerate(files.tolist()))).read(range(len(files)))
+    records = [found[case] for case in range(len(files))]
     return {
         "seconds": seconds,
         "solved": sum(r.trajectory.status.ok for r in records),
@@ -245,7 +247,7 @@ PHASES = {
     "derivatives": ("/vectorised.py",),
     "condensing": ("/family_condensing.py",),
     "prediction": ("/prediction.py",),
-    "records": ("/records.py",),
+    "records": ("/record_files.py", "/case_record.py", "/reader.py"),
     "Newton step and the rest of the iteration": ("/family.py", "/family_system.py"),
 }
 
@@ -255,16 +257,18 @@ def phases(mission: Mission, portions: int = 12) -> dict[str, float]:
     profile = cProfile.Profile()
     with tempfile.TemporaryDirectory() as folder:
         campaign = Campaign(mission.toml, Path(folder))
-        measured = 0
-        for task in planned_tasks(campaign, np.zeros(campaign.grid.size, dtype=bool), width=4):
-            job = task.job
-            if isinstance(job, SolveTogether) and len(job.planned) > 12:
+        files, measured = nowhere(campaign.grid.size), 0
+        for task in planned_tasks(campaign, files, width=4):
+            job = task.job.placed({int(case): int(files[case]) for case in task.needs})
+            if isinstance(job, SolvePortion) and len(job.cases) > 12:
                 measured += 1
-                profile.runcall(job.compute, lambda attempt: None).result()
+                kept = profile.runcall(job.compute, lambda attempt: None).result()
             else:
-                job.run(lambda attempt: None)
-            for one in job.left():
-                one.run(lambda attempt: None)
+                kept = job.run(lambda attempt: None)
+            for one in job.left(kept):
+                kept += one.run(lambda attempt: None)
+            for cases in kept:
+                files[list(cases)] = cases[0]
             if measured == portions:
                 break
     stats = pstats.Stats(profile)

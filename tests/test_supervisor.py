@@ -165,13 +165,15 @@ def finished_well(process: subprocess.Popen[str]) -> None:
 
 
 def workers(process: subprocess.Popen[str]) -> list[int]:
-    """Its workers that have begun with their imports."""
-    found = []
-    for children in Path(f"/proc/{process.pid}/task").glob("*/children"):
+    """Its workers: all that a child of it has forked."""
+    return [pid for server in children(process.pid) for pid in children(server)]
+
+
+def children(pid: int) -> list[int]:
+    found = list[int]()
+    for told in Path(f"/proc/{pid}/task").glob("*/children"):
         with suppress(OSError):
-            for pid in children.read_text().split():
-                if b"ampi.workers.worker" in Path(f"/proc/{pid}/cmdline").read_bytes():
-                    found.append(int(pid))
+            found += map(int, told.read_text().split())
     return found
 
 

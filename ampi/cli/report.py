@@ -85,7 +85,8 @@ def _now() -> str:
 def _notices(dataset: TrajectoryDataset, path: Path) -> list[str]:
     import numpy as np
 
-    from database.audit.branches import branch_doubt, stations, suspects
+    from database.audit.branches import branch_doubt, suspects
+    from database.file.encoded_block import stations
     from database.plan.grid import Grid
 
     bank = np.where(dataset.solved[..., None], stations(dataset.states), np.nan)

@@ -9,7 +9,8 @@ A worker that dies takes its job with it and nothing else. What ended it decides
   again as it was, because its result must not depend on accidents; after `DEATHS` of them the job
   itself is held to be the cause, and gives up.
 
-A worker leads a process group of its own: what its job has started ends with it.
+A worker leads a process group of its own: what its job has started ends with it. Workers are forked from
+one process that has imported what they need (`fork_server`), where the system allows it.
 
 A worker that dies before it is ready has nothing to do with any job: after `DEATHS` such failures
 in a row there is no point in starting another.
@@ -39,6 +40,8 @@ from typing import Any, TypeVar
 
 from threadpoolctl import threadpool_limits
 
+from ampi.workers import fork_server
+from ampi.workers.fork_server import ForkedProcess, ForkServer
 from ampi.workers.job import Job, JobError
 from ampi.workers.software import require_same, software
 from ampi.workers.worker import START, Began, Computed, Done, Message, Raised, Ready
@@ -59,10 +62,9 @@ SETTINGS = {
 }
 # the collector finds nothing among what imports make, and looks for a fourteenth of their time
 # the supervisor decides what an interrupt means, from the first import on
-_COMMAND = (
-    "import signal; signal.signal(signal.SIGINT, signal.SIG_IGN); "
-    "import gc; gc.disable(); from ampi.workers.worker import main; main({module!r})"
-)
+_COMMAND = "import signal; signal.signal(signal.SIGINT, signal.SIG_IGN); import gc; gc.disable(); "
+_SERVE = "from ampi.workers.fork_server import serve; serve({module!r}, {{control}})"
+_WORK = "from ampi.workers.worker import main; main({module!r})"
 
 
 class WorkerLost(Exception):  # noqa: N818 - an event of normal operation, not an error
@@ -85,19 +87,28 @@ class WorkerLost(Exception):  # noqa: N818 - an event of normal operation, not a
         return f"exit status {self.returncode}"
 
 
+def _environment() -> dict[str, str]:
+    paths = [str(Path(p).resolve()) for p in sys.path]
+    return {**os.environ, **SETTINGS, "PYTHONPATH": os.pathsep.join(paths)}
+
+
+def _own_command(module: str) -> subprocess.Popen[bytes]:
+    """A worker that imports by itself."""
+    return subprocess.Popen(
+        # -P: what lies in the present folder is not ours
+        [sys.executable, "-P", "-c", _COMMAND + _WORK.format(module=module)],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        start_new_session=True,
+        env=_environment(),
+    )
+
+
 class Worker:
     """One worker process, the two pipes to it, and a thread that sorts its messages by job."""
 
-    def __init__(self, module: str) -> None:
-        paths = [str(Path(p).resolve()) for p in sys.path]
-        self.process = subprocess.Popen(
-            # -P: what lies in the present folder is not ours
-            [sys.executable, "-P", "-c", _COMMAND.format(module=module)],
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            start_new_session=True,
-            env={**os.environ, **SETTINGS, "PYTHONPATH": os.pathsep.join(paths)},
-        )
+    def __init__(self, process: ForkedProcess | subprocess.Popen[bytes]) -> None:
+        self.process = process
         self._numbers = count()
         self._lock = threading.Lock()
         self._over = False
@@ -154,8 +165,11 @@ class Worker:
 
     def kill(self) -> None:
         """End it and what its job has started, at once."""
-        with suppress(ProcessLookupError, PermissionError):
-            os.killpg(self.process.pid, signal.SIGKILL)
+        if self.process.pid:
+            with suppress(ProcessLookupError, PermissionError):
+                os.killpg(self.process.pid, signal.SIGKILL)
+        else:
+            self.process.kill()
 
     def stop(self) -> int:
         """End it, if it has not ended by itself; its exit status."""
@@ -185,7 +199,10 @@ class Worker:
     def _next(self, number: int, attempt: int, *, computed: bool) -> Message:
         message = self._inboxes[number].get()
         if message is None:
-            raise WorkerLost(self.stop(), attempt, computed=computed)
+            status = self.stop()
+            orphaned = isinstance(self.process, ForkedProcess) and self.process.orphaned
+            # with its server: whatever it was at is not the cause
+            raise WorkerLost(status, -1 if orphaned else attempt, computed=computed)
         return message
 
     def _clear_away(self) -> None:
@@ -216,6 +233,7 @@ class Supervisor:
 
     def __init__(self, module: str, most: float = math.inf) -> None:
         self._module, self._most = module, most
+        self._server: ForkServer | None = None
         self._free: list[Worker] = []
         self._alive: set[Worker] = set()
         self._changed = threading.Condition()
@@ -261,6 +279,8 @@ class Supervisor:
             self._changed.notify_all()
         for worker in workers:
             worker.kill()
+        if self._server is not None:
+            self._server.end()
         for worker in workers:
             worker.stop()
 
@@ -292,11 +312,19 @@ class Supervisor:
 
     def _hired(self) -> Worker:
         """A new process; to be called with the lock, so that there are never more than `most`."""
-        worker = Worker(self._module)
+        worker = Worker(self._started())
         self._alive.add(worker)
         if self._closed:
             worker.process.kill()
         return worker
+
+    def _started(self) -> ForkedProcess | subprocess.Popen[bytes]:
+        if not fork_server.SUPPORTED:
+            return _own_command(self._module)
+        if self._server is None or self._server.process.poll() is not None:
+            command = _COMMAND + _SERVE.format(module=self._module)
+            self._server = ForkServer(command, _environment())
+        return self._server.fork()
 
     def _ready(self, worker: Worker) -> Worker:
         """The worker, or one in its place, once it has started."""

@@ -8,9 +8,9 @@ Messages are pickles on the two pipes that its supervisor holds, each with the n
 
 Between Computed and Done a result may be on its way to the disk, and the next job may come.
 
-A process of its own, and not a thread or a fork: native code may crash or hang, and then the kernel
-ends the process and nothing else. Started as a command, it needs neither a guarded main module nor the
-permission to have children that daemonic processes lack.
+A process of its own, and not a thread or a fork of the driver: native code may crash or hang, and then
+the kernel ends the process and nothing else. Forked from a command (`fork_server`), or started as one,
+it needs neither a guarded main module nor the permission to have children that daemonic processes lack.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from concurrent.futures import Future
 from dataclasses import dataclass
 from functools import partial
 from importlib import import_module
-from typing import IO, Any
+from typing import IO, Any, NoReturn
 
 from ampi.workers.job import Job, JobError
 from ampi.workers.software import software
@@ -71,13 +71,18 @@ Message = Ready | Began | Computed | Done | Raised
 START = -1  # in place of a job's number
 
 
-def main(module: str) -> None:
-    """Serve until the supervisor closes the pipe or dies; `module` is what its jobs need.
+def main(module: str) -> NoReturn:
+    """A worker that is a command of its own; `module` is what its jobs need.
 
     The module is imported while the supervisor still plans, not when the first job comes.
     """
     import_module(module)
     gc.freeze()
+    work()
+
+
+def work() -> NoReturn:
+    """Serve until the supervisor closes the pipe or dies."""
     gc.enable()
     signal.signal(signal.SIGALRM, signal.SIG_DFL)  # its parent may ignore it: no time limit then
     signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGALRM})

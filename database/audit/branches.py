@@ -34,6 +34,7 @@ from ampi.missions.mission import Mission
 from ampi.physics.angles import wrapped
 from ampi.physics.state import BANK as BANK_ANGLE
 from ampi.propagation.reintegration import flight_checks
+from ampi.scp.condensed.exact_hessian import SolverSettings
 from ampi.scp.solve import solve, solve_family
 from ampi.trajectory import Status, Trajectory
 from database.audit.coherence import on_turn_of_rows
@@ -56,7 +57,6 @@ FOLLOWED = (
     3  # pairs between two branches, the most alike, that are followed before they count as parted
 )
 FOLLOWED_WITHIN = 64  # pairs of one branch, the least alike: two sheets that meet are few
-STATIONS = 4  # nodes at which `suspects` compares bank angles: a build keeps them of every case
 CHUNK = 81
 
 
@@ -91,7 +91,10 @@ class Branches:
 
 
 def branches(
-    mission: Mission, optima: Mapping[int, Trajectory], solver: Solver = solve
+    mission: Mission,
+    optima: Mapping[int, Trajectory],
+    solver: Solver = solve,
+    settings: SolverSettings | None = None,
 ) -> Branches:
     """Measure a family.
 
@@ -103,6 +106,8 @@ def branches(
         Solved cases by number.
     solver
         The optimiser that found them: it follows an optimum to its neighbour.
+    settings
+        Those of `ampi.solve`.
     """
     grid = Grid.from_mission(mission)
     bank = np.full((grid.size, mission.pseudospectral_mesh.n_nodes), np.nan)
@@ -120,7 +125,8 @@ def branches(
     error = np.full(len(pairs), np.nan)
     error[flown] = _flown_halfway(mission, grid, optima, pairs[flown])
     doubtful = [k for k in least_alike if unlike[k] and not error[k] <= FLOWN]
-    parted = _parted(Campaign(mission.toml, Path(), solver), optima, pairs, doubtful)
+    campaign = Campaign(mission.toml, Path(), solver, settings or SolverSettings())
+    parted = _parted(campaign, optima, pairs, doubtful)
     groups = astray(grid, solved, parted)
     away = [case for group in groups for case in group]
     worst = int(np.nanargmax(error)) if len(flown) else None
@@ -181,12 +187,6 @@ def halfway(one: Trajectory, other: Trajectory) -> Trajectory:
         cost=np.nan,
         status=Status.SOLVED,
     )
-
-
-def stations(states: Array) -> Array:
-    """Of flights (…, 7, n), the bank angles (…, s) at entry and at evenly spread nodes after it."""
-    nodes = np.arange(STATIONS) * states.shape[-1] // STATIONS
-    return states[..., BANK_ANGLE, nodes]
 
 
 def suspects(grid: Grid, bank: NDArray[np.floating[Any]]) -> list[int]:

@@ -111,12 +111,13 @@ def follow(
 def solve_one(campaign: Campaign, mission: Mission, start: Trajectory | None) -> Trajectory:
     """By Newton's iteration where that is enough, else by the campaign's optimiser."""
     if campaign.together and start is not None:
-        found = solve_family([mission], [start])[0]
+        found = solve_family([mission], [start], campaign.settings)[0]
         if found is not None and found.status.ok:
             return found
     # the assembly flies all cases of a block again, together
-    solver = optimum if campaign.judged else campaign.solver
-    return solver(mission, guess=start)
+    if campaign.judged:
+        return optimum(mission, guess=start, settings=campaign.settings)
+    return campaign.solver(mission, guess=start)
 
 
 @contextmanager

@@ -15,13 +15,8 @@ import numpy as np
 from ampi.trajectory import Trajectory
 from database.file.provenance import made_by
 from database.records.campaign import BuildError, Campaign
-from database.records.record_files import (
-    FINGERPRINTS,
-    count_records,
-    discard_records,
-    read_fingerprint,
-    write_fingerprint,
-)
+from database.records.fingerprint import read_fingerprint, write_fingerprint
+from database.records.record_files import FINGERPRINTS, count_records, discard_records
 
 READABLE = 50  # characters of a setting, to be shown
 

@@ -17,17 +17,18 @@ from typing import Any, Protocol
 from ampi.workers.job import JobError
 from ampi.workers.software import require_same, software
 from ampi.workers.supervisor import Supervisor
-from database.factory.jobs import Job
+from database.factory.jobs import Job, Kept
 
 RETRIES = 3  # of a job that raises on a cluster: a folder may be out of reach for a moment
 LONELY = 120.0  # s without any worker
 IMPORTABLE = "__import__('importlib.util').util.find_spec('database') is not None"
 JOBS = "database.factory.jobs"  # what workers import
+Tell = Callable[[Kept | BaseException], None]
 AHEAD = 3  # jobs under way per worker: one is computed, one flushed, one on its way
 
 
 class Engine(Protocol):
-    """Runs jobs; `tell` is called from any thread with what the job raised, or None."""
+    """Runs jobs; `tell` is called from any thread with what the job has kept, or what it raised."""
 
     @property
     def room(self) -> int:
@@ -37,7 +38,7 @@ class Engine(Protocol):
     def width(self) -> int:
         """Into how many portions a layer is best cut, if it is to be cut into few."""
 
-    def submit(self, job: Job, tell: Callable[[BaseException | None], None]) -> None:
+    def submit(self, job: Job, tell: Tell) -> None:
         """Run a job some time."""
 
     def look(self) -> None:
@@ -57,10 +58,12 @@ class LocalEngine:
         for _ in range(n_jobs):  # their imports take longer than the first cases
             self._threads.submit(self._supervisor.start_worker)
 
-    def submit(self, job: Job, tell: Callable[[BaseException | None], None]) -> None:
+    def submit(self, job: Job, tell: Tell) -> None:
         """Run a job when a worker is free."""
         future = self._threads.submit(self._supervisor.run, job)
-        future.add_done_callback(lambda f: None if f.cancelled() else tell(f.exception()))
+        future.add_done_callback(
+            lambda f: None if f.cancelled() else tell(f.exception() or f.result())
+        )
 
     def look(self) -> None:
         """Workers are replaced as they die."""
@@ -87,7 +90,7 @@ class ClusterEngine:
             if not importable:
                 raise JobError(f"the worker {worker} cannot import ampi; install it there")
 
-    def submit(self, job: Job, tell: Callable[[BaseException | None], None]) -> None:
+    def submit(self, job: Job, tell: Tell) -> None:
         """Run a job on some worker, and again elsewhere if that worker is lost."""
         future = self._client.submit(run_supervised, job, software(), pure=False, retries=RETRIES)
         self._futures.add(future)
@@ -95,7 +98,7 @@ class ClusterEngine:
         def done(finished: Any) -> None:
             self._futures.discard(finished)
             if finished.status == "finished":
-                tell(None)
+                tell(finished.result())
             elif finished.status == "error":
                 tell(self.outcome(job, finished.exception()))
             else:
@@ -103,7 +106,7 @@ class ClusterEngine:
 
         future.add_done_callback(done)
 
-    def outcome(self, job: Job, error: BaseException) -> BaseException | None:
+    def outcome(self, job: Job, error: BaseException) -> Kept | BaseException:
         """A job whose workers were lost time and again is a record, as on one machine."""
         if isinstance(error, OSError | JobError):
             return error
@@ -111,10 +114,11 @@ class ClusterEngine:
             text = " ".join(str(error).split())
             return JobError(f"a worker of the cluster: {type(error).__name__}: {text}")
         try:
-            job.give_up("The cluster lost every worker that tried it.")  # no address: same bytes
+            return job.give_up(
+                "The cluster lost every worker that tried it."
+            )  # no address: same bytes
         except (OSError, JobError) as failure:
             return failure
-        return None
 
     def look(self) -> None:
         """Nobody knows whether workers that are gone will come back: then there is an end."""
@@ -136,7 +140,7 @@ def _here() -> Supervisor:
     return Supervisor(JOBS)
 
 
-def run_supervised(job: Job, expected: Mapping[str, str]) -> None:
+def run_supervised(job: Job, expected: Mapping[str, str]) -> Kept:
     """A job in a process of its own on a cluster's worker, which it cannot bring down.
 
     Raises
@@ -145,4 +149,4 @@ def run_supervised(job: Job, expected: Mapping[str, str]) -> None:
         If the worker has other software than the file will name.
     """
     require_same(software(), "a worker of the cluster", expected)
-    _here().run(job)
+    return _here().run(job)

@@ -1,150 +1,225 @@
-"""The kinds of work in a build: solve cases together, one alone, assemble a block.
+"""The kinds of work in a build: solve a portion of cases, one alone, assemble a block.
 
-Most cases need nothing but Newton's iteration from where their neighbours lead, and that is several
-times faster for many at once: `SolveTogether` keeps a record of those that it solves, and leaves the
-others to `SolveCase`, one by one. That one begins with the same attempt, to the same bits: a record
-does not show which of the two has made it, and portions may be cut anywhere.
+Most cases need nothing but the first attempt, and what a case costs besides is shared by a portion: one
+job, one file of records, one word to the driver. `SolvePortion` keeps records of those that it solves
+(`ampi.solve_family`'s all at once, which is several times faster; another optimiser's one after the
+other), and leaves the rest to `SolveCase`, one by one. That one begins with the same attempt, to the
+same bits: a record does not show which of the two has made it, and portions may be cut anywhere.
 
 A case is tried from each neighbour at once, then along paths of more and more steps in p, at last from
 nothing; what is still unsolved when all is done is tried once more (`second_pass`). An attempt
 that fails, raises or exceeds its time limit is a line of the record, and the next one follows; a case
 without a solution is a record with a status, never a hole.
 
-A job depends on the mission and on records already kept, on nothing else. It may be run anywhere, any
-number of times, and always keeps the same result.
+A job depends on the mission and on records already kept, on nothing else; it is told in which files they
+lie. It may be run anywhere, any number of times, and always keeps the same result.
 """
 
 from __future__ import annotations
 
 import time
 from abc import ABC, abstractmethod
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from concurrent.futures import Future, ThreadPoolExecutor
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from pathlib import Path
+
+import numpy as np
 
 from ampi.scp.problem.shortfall import verdict
 from ampi.scp.solve import solve_family
 from ampi.trajectory import Status, Trajectory
-from ampi.workers.job import JobError
+from ampi.workers.job import JobError, finished
 from database.factory.attempts import (
+    Attempt,
     attempts,
     first_start,
     follow,
     is_vain,
     no_trajectory,
     path_to,
+    solve_one,
     stopped_after,
 )
 from database.file.blocks import Block, assemble, block_shape
-from database.file.hdf5_file import encoded_block
-from database.plan.continuation import PlannedCase
+from database.file.encoded_block import encoded_block
+from database.plan.continuation import planned
 from database.plan.prediction import predicted
-from database.records.campaign import Campaign, lost
-from database.records.record_files import (
-    CaseRecord,
-    block_path,
-    is_recorded,
-    keeping_block,
-    record_path,
-)
+from database.records.campaign import Campaign
+from database.records.case_record import CaseRecord
+from database.records.reader import RecordReader
+from database.records.record_files import block_path, keeping_block, record_path
+
+Kept = tuple[tuple[int, ...], ...]  # what a job has kept of the first pass: the cases of each file
+FLUSH_AFTER = 1.0  # s that a record waits for others of its portion, at most
+Start = tuple[int, Attempt, Trajectory]  # a case, and where it begins
 
 
 class Job(ABC):
-    """A job (ampi.workers.job) of a build: what it leaves is on disk, and its result None."""
+    """A job (ampi.workers.job) of a build: its result is which records it has kept."""
 
-    @property
-    @abstractmethod
-    def result(self) -> Path:
-        """What the job leaves."""
+    campaign: Campaign
 
     @property
     def cases(self) -> tuple[int, ...]:
         """Whose records are kept after it, and after those that it has `left`."""
         return ()
 
-    def left(self) -> list[Job]:
+    @abstractmethod
+    def evidence(self, kept: Kept) -> Path | None:
+        """A file that it leaves, with what it has `kept`; None if it has left none."""
+
+    def placed(self, files: Mapping[int, int]) -> Job:
+        """The job, told in which files the records lie that it builds on."""
+        return self
+
+    def left(self, kept: Kept) -> list[Job]:
         """Once it is done: jobs for the cases that it was no match for."""
         return []
 
     @abstractmethod
-    def compute(self, announce: Callable[[int], None]) -> Future[None]:
+    def compute(self, announce: Callable[[int], None]) -> Future[Kept]:
         """Do it, telling the number of each attempt before it begins; the result is then being flushed.
 
         A flush takes milliseconds, and the processor can be computing the next job.
         """
 
-    def run(self, announce: Callable[[int], None]) -> None:
+    def run(self, announce: Callable[[int], None]) -> Kept:
         """Do it, until the result is kept."""
-        self.compute(announce).result()
+        return self.compute(announce).result()
 
     @abstractmethod
     def without(self, attempt: int) -> Job:
         """The same job, but for an attempt that has exceeded its time limit."""
 
     @abstractmethod
-    def give_up(self, reason: str) -> None:
+    def give_up(self, reason: str) -> Kept:
         """Keep a result that says why there is none."""
 
 
 @dataclass(frozen=True)
-class SolveTogether(Job):
-    """Solve what Newton's iteration solves of some cases of one layer, and keep the results."""
+class SolvePortion(Job):
+    """Make the first attempt at some cases of one layer, and keep the results of those it solves."""
 
     campaign: Campaign
-    planned: tuple[PlannedCase, ...]
+    portion: tuple[int, ...]
+    files: Mapping[int, int] = field(default_factory=dict)  # of the records that it builds on
+    overdue: frozenset[int] = frozenset()  # attempts that have exceeded the time limit
 
     def __str__(self) -> str:
         return f"cases {', '.join(str(case) for case in self.cases)}"
 
     @property
-    def result(self) -> Path:
-        """The folder of the records: there may be some or none."""
-        return self.campaign.folder
-
-    @property
     def cases(self) -> tuple[int, ...]:
         """All of them."""
-        return tuple(p.case for p in self.planned)
+        return self.portion
 
-    def left(self) -> list[Job]:
+    def evidence(self, kept: Kept) -> Path | None:
+        """The first file of records: there may be some or none."""
+        return record_path(self.campaign.folder, kept[0][0]) if kept else None
+
+    def placed(self, files: Mapping[int, int]) -> SolvePortion:
+        """With these files."""
+        return replace(self, files=files)
+
+    def left(self, kept: Kept) -> list[Job]:
         """One for each case without a record."""
+        solved = {case for file in kept for case in file}
         return [
-            SolveCase(self.campaign, p)
-            for p in self.planned
-            if not is_recorded(self.campaign.folder, p.case)
+            SolveCase(self.campaign, case, self.files)
+            for case in self.portion
+            if case not in solved
         ]
 
-    def compute(self, announce: Callable[[int], None]) -> Future[None]:
-        """All at once."""
-        announce(0)
+    def compute(self, announce: Callable[[int], None]) -> Future[Kept]:
+        """All at once, or one after the other."""
+        campaign = self.campaign
+        if campaign.together:
+            if self.overdue:
+                return finished(())
+            announce(0)
+        reader = RecordReader(campaign, self.files)
+        solved = reader.read(self.files)  # each file once; the portion shares its neighbours
+
+        def optimum(case: int) -> Trajectory | None:
+            trajectory = (solved[case] if case in solved else reader.record(case)).trajectory
+            return trajectory if trajectory.status.ok else None
+
+        starts = list[Start]()
+        for p in planned(campaign.grid, np.array(self.portion)):
+            start = first_start(campaign.grid, p, optimum)
+            if start is not None:
+                starts.append((p.case, *start))
+        if campaign.together:
+            return _flushed(campaign, self._together(starts))
+        return _flushed(campaign, self._in_turn(starts, announce))
+
+    def _together(self, starts: list[Start]) -> Iterator[CaseRecord]:
         campaign, began = self.campaign, time.perf_counter()
-        solved = lru_cache(maxsize=None)(campaign.solved)  # the portion shares its neighbours
-        starts = [(p.case, first_start(campaign.grid, p, solved)) for p in self.planned]
-        ready = [(case, *start) for case, start in starts if start is not None]
         missions = [
-            campaign.mission.with_parameters(campaign.grid.point(case)) for case, *_ in ready
+            campaign.mission.with_parameters(campaign.grid.point(case)) for case, *_ in starts
         ]
-        with stopped_after(campaign.time_limit * max(1, len(ready))):
+        with stopped_after(campaign.time_limit * max(1, len(starts))):
             try:
-                found = solve_family(missions, [start for *_, start in ready])
+                found = solve_family(missions, [start for *_, start in starts], campaign.settings)
             except Exception:  # one of them; alone each has its own log
-                found = [None] * len(ready)
-        seconds = (time.perf_counter() - began) / max(1, len(ready))
-        records = [
-            CaseRecord(case, flown, f"{attempt}: {flown.status.sentence}", 1, seconds)
-            for (case, attempt, _), flown in zip(ready, found, strict=True)
-            if flown is not None
-        ]
-        return keeper().submit(campaign.keeping(records))
+                found = [None] * len(starts)
+        seconds = (time.perf_counter() - began) / max(1, len(starts))
+        for (case, attempt, _), flown in zip(starts, found, strict=True):
+            if flown is not None:
+                yield CaseRecord(case, flown, f"{attempt}: {flown.status.sentence}", 1, seconds)
 
-    def without(self, attempt: int) -> SolveTogether:
-        """Nothing: each case will be tried alone."""
-        return replace(self, planned=())
+    def _in_turn(
+        self, starts: list[Start], announce: Callable[[int], None]
+    ) -> Iterator[CaseRecord]:
+        """Each case is an attempt of its own, with its own time limit."""
+        campaign = self.campaign
+        for number, (case, attempt, start) in enumerate(starts):
+            if number in self.overdue:
+                continue
+            announce(number)
+            began = time.perf_counter()
+            mission = campaign.mission.with_parameters(campaign.grid.point(case))
+            with stopped_after(campaign.time_limit):
+                try:
+                    flown = solve_one(campaign, mission, start)
+                except Exception:  # alone it has its log
+                    continue
+            if flown.status.ok:
+                message = f"{attempt}: {verdict(mission, flown)}"
+                yield CaseRecord(case, flown, message, 1, time.perf_counter() - began)
 
-    def give_up(self, reason: str) -> None:
+    def without(self, attempt: int) -> SolvePortion:
+        """The same portion; what was being solved will be tried alone."""
+        return replace(self, overdue=self.overdue | {attempt})
+
+    def give_up(self, reason: str) -> Kept:
         """Leave the cases to be tried alone; whichever is at fault will have a record of its own."""
+        return ()
+
+
+def _flushed(campaign: Campaign, records: Iterable[CaseRecord]) -> Future[Kept]:
+    """Bring records to the disk, in one file if they come quickly; the last flush is still to come."""
+    kept, waiting, flushes, since = list[tuple[int, ...]](), list[CaseRecord](), [], 0.0
+    for record in records:
+        if not waiting:
+            since = time.perf_counter()
+        waiting.append(record)
+        if time.perf_counter() - since > FLUSH_AFTER:
+            kept.append(tuple(r.case for r in waiting))
+            flushes.append(keeper().submit(campaign.keeping(waiting)))
+            waiting = []
+    if waiting:
+        kept.append(tuple(r.case for r in waiting))
+        flushes.append(keeper().submit(campaign.keeping(waiting)))
+
+    def whole() -> Kept:
+        for flush in flushes:
+            flush.result()
+        return tuple(kept)
+
+    return keeper().submit(whole)
 
 
 @lru_cache(maxsize=1)
@@ -158,28 +233,35 @@ class SolveCase(Job):
     """Solve one case from its neighbours' records and keep the result."""
 
     campaign: Campaign
-    planned: PlannedCase
+    case: int
+    files: Mapping[int, int] = field(default_factory=dict)  # of the records that it builds on
     overdue: frozenset[int] = frozenset()  # attempts that have exceeded the time limit
 
     def __str__(self) -> str:
-        return f"case {self.planned.case}"
-
-    @property
-    def result(self) -> Path:
-        """The case's record."""
-        return record_path(self.campaign.folder, self.planned.case)
+        return f"case {self.case}"
 
     @property
     def cases(self) -> tuple[int, ...]:
         """The one."""
-        return (self.planned.case,)
+        return (self.case,)
 
-    def compute(self, announce: Callable[[int], None]) -> Future[None]:
+    def evidence(self, kept: Kept) -> Path:
+        """The case's record."""
+        return record_path(self.campaign.folder, self.case)
+
+    def placed(self, files: Mapping[int, int]) -> SolveCase:
+        """With these files."""
+        return replace(self, files=files)
+
+    def compute(self, announce: Callable[[int], None]) -> Future[Kept]:
         """Attempt after attempt, until one succeeds."""
         began = time.perf_counter()
         mission, grid = self.campaign.mission, self.campaign.grid
-        starts = self._starts()
-        continued = predicted(grid, self.planned.case, self.campaign.solved)
+        reader = RecordReader(self.campaign, self.files)
+        (here,) = planned(grid, np.array([self.case]))
+        solved = {n: reader.solved(n) for n in here.neighbours}  # best first
+        starts = {n: trajectory for n, trajectory in solved.items() if trajectory is not None}
+        continued = predicted(grid, self.case, reader.solved)
         log, solves = list[str](), 0
         best: Trajectory | None = None
         ways = attempts(list(starts), predicted=continued is not None)
@@ -196,7 +278,7 @@ class SolveCase(Job):
             start = continued if attempt.predicted else None
             if attempt.neighbour is not None:
                 start = starts[attempt.neighbour]
-            path = path_to(mission, grid, self.planned.case, attempt)
+            path = path_to(mission, grid, self.case, attempt)
             try:
                 flown, count = follow(self.campaign, path, start)
             except Exception as error:  # whatever it was, it belongs in the record
@@ -212,23 +294,19 @@ class SolveCase(Job):
                 best = flown  # it has come to the case's own problem, if not to a solution
         trajectory = no_trajectory(mission.pseudospectral_mesh) if best is None else best
         seconds = time.perf_counter() - began
-        record = CaseRecord(self.planned.case, trajectory, "; ".join(log), solves, seconds)
-        return keeper().submit(self.campaign.keeping([record]))
+        record = CaseRecord(self.case, trajectory, "; ".join(log), solves, seconds)
+        return _flushed(self.campaign, [record])
 
     def without(self, attempt: int) -> SolveCase:
         """The same case along the other paths."""
         return replace(self, overdue=self.overdue | {attempt})
 
-    def give_up(self, reason: str) -> None:
+    def give_up(self, reason: str) -> Kept:
         """A record with the status ERROR."""
         nothing = no_trajectory(self.campaign.mission.pseudospectral_mesh)
-        record = CaseRecord(self.planned.case, nothing, reason, 0, 0.0)
+        record = CaseRecord(self.case, nothing, reason, 0, 0.0)
         self.campaign.keeping([record])()
-
-    def _starts(self) -> dict[int, Trajectory]:
-        """The solved neighbours, best first."""
-        found = {n: self.campaign.solved(n) for n in self.planned.neighbours}
-        return {n: trajectory for n, trajectory in found.items() if trajectory is not None}
+        return (self.cases,)
 
 
 @dataclass(frozen=True)
@@ -237,42 +315,46 @@ class AssembleBlock(Job):
 
     campaign: Campaign
     block: Block
+    files: Mapping[int, int] = field(default_factory=dict)  # of its cases' records
 
     def __str__(self) -> str:
         return f"block {self.block.number}"
 
-    @property
-    def result(self) -> Path:
+    def evidence(self, kept: Kept) -> Path:
         """The block's file."""
         return block_path(self.campaign.round_folder, self.block.number)
 
-    def compute(self, announce: Callable[[int], None]) -> Future[None]:
+    def placed(self, files: Mapping[int, int]) -> AssembleBlock:
+        """With these files."""
+        return replace(self, files=files)
+
+    def compute(self, announce: Callable[[int], None]) -> Future[Kept]:
         """Assemble and keep."""
         announce(0)
-        folder, mission = self.campaign.folder, self.campaign.mission
-        records = []
-        for case in self.block.cases(self.campaign.grid.shape):
-            record = self.campaign.record(case)
-            if record is None:
-                raise JobError(lost(folder, case))
-            records.append(record)
-        with stopped_after(self.campaign.time_limit * len(records)):
+        campaign, shape = self.campaign, self.campaign.grid.shape
+        cases = self.block.cases(shape).tolist()
+        kept = RecordReader(campaign, self.files).read(cases)
+        with stopped_after(campaign.time_limit * len(cases)):
             values = assemble(
-                mission,
+                campaign.mission,
                 self.block,
-                records,
-                self.campaign.gains,
-                judged=self.campaign.judged,
+                [kept[case] for case in cases],
+                campaign.gains,
+                judged=campaign.judged,
             )
-        encoded = encoded_block(values, block_shape(self.campaign.grid.shape))
-        label = self.campaign.label
-        keeping = keeping_block(self.campaign.round_folder, self.block.number, encoded, label)
-        return keeper().submit(keeping)
+        encoded = encoded_block(values, block_shape(shape)).packed()
+        flush = keeping_block(campaign.round_folder, self.block.number, encoded, campaign.label)
+
+        def whole() -> Kept:
+            flush()
+            return ()
+
+        return keeper().submit(whole)
 
     def without(self, attempt: int) -> Job:
         """There is one way only."""
         raise JobError(f"block {self.block.number}: its re-integration exceeded its time limit")
 
-    def give_up(self, reason: str) -> None:
+    def give_up(self, reason: str) -> Kept:
         """A block is part of the file: there is no build without it."""
         raise JobError(f"block {self.block.number}: {reason}")

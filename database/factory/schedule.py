@@ -3,7 +3,7 @@
 No layer waits for its slowest case. What a job builds on is fixed by the plan, never by what happens
 to be finished, so the order of execution leaves no trace in the results.
 
-Of the plan no more is looked at than keeps all workers busy: the tasks may be millions.
+Of the plan no more is looked at than keeps all workers busy: the tasks may be hundreds of thousands.
 """
 
 from __future__ import annotations
@@ -19,26 +19,27 @@ from numpy.typing import NDArray
 
 from ampi.workers.job import JobError
 from database.factory.engines import Engine
-from database.factory.jobs import Job
+from database.factory.jobs import Job, Kept
+from database.records.record_files import NOT_KEPT, Files
 
 LOOK = 5.0  # s
 FORESIGHT = 4  # tasks looked at, over the jobs that may be under way; what waits is no work
 LEAST_FORESIGHT = 64
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Task:
-    """A job, and the cases whose records it builds on."""
+    """A job, and the cases whose records it builds on, (n,)."""
 
     job: Job
-    needs: tuple[int, ...]
+    needs: NDArray[np.int64]
 
 
 def run_jobs(
     tasks: Iterable[Task],
-    kept: NDArray[np.bool_],
+    files: Files,
     engine: Engine,
-    finished: Callable[[int], None],
+    finished: Callable[[tuple[int, ...]], None],
 ) -> None:
     """Run the jobs of all `tasks`, each after those that solve what it `needs`.
 
@@ -46,63 +47,80 @@ def run_jobs(
     ----------
     tasks
         Each after those that it needs; of those that are ready the first is next.
-    kept
-        Which cases have a record, (c,); kept up to date.
+    files
+        Where the record of each case lies, (c,); kept up to date.
     engine
         Runs the jobs. What a job raises is raised here.
     finished
-        Called, in this thread, with the number of each case whose record is kept.
+        Called, in this thread, with the cases of each file of records that is kept. What is ready by
+        then is under way.
     """
-    agenda = _Agenda(enumerate(tasks), kept)
+    agenda = _Agenda(enumerate(tasks), files)
     foresight = max(LEAST_FORESIGHT, FORESIGHT * engine.room)
-    told: queue.SimpleQueue[tuple[int, Job, BaseException | None]] = queue.SimpleQueue()
+    told: queue.SimpleQueue[tuple[int, Job, Kept | BaseException]] = queue.SimpleQueue()
     under_way = 0
 
     def submit(place: int, job: Job) -> None:
-        engine.submit(job, lambda error: told.put((place, job, error)))
+        engine.submit(job, lambda found: told.put((place, job, found)))
 
-    while True:
-        agenda.look_ahead(foresight, idle=under_way == 0)
-        if not agenda.ready and under_way == 0:
-            return
+    def submit_ready() -> None:
+        nonlocal under_way
         while agenda.ready and under_way < engine.room:
             submit(*agenda.next_job())
             under_way += 1
-        place, job, error = _next(told, engine)
+
+    while True:
+        agenda.look_ahead(foresight, idle=under_way == 0)
+        submit_ready()
+        if under_way == 0:
+            return
+        place, job, found = _next(told, engine)
         under_way -= 1
-        if error is not None:
-            raise error
-        if not job.result.exists():
+        if isinstance(found, BaseException):
+            raise found
+        evidence = job.evidence(found)
+        if evidence is not None and not evidence.exists():
             raise JobError(
-                f"{job}: its result is not in {job.result.parent}; the workers must see the "
+                f"{job}: its result is not in {evidence.parent}; the workers must see the "
                 "same folder as this process: choose a path on a shared file system"
             )
-        for case in agenda.settle(place, job):
-            finished(case)
+        agenda.settle(place, job, found)
+        submit_ready()
+        for cases in found:
+            finished(cases)
 
 
 class _Agenda:
-    """The tasks that have been looked at: ready, or waiting for records."""
+    """The tasks that have been looked at: ready, or waiting for records.
 
-    def __init__(self, coming: Iterator[tuple[int, Task]], kept: NDArray[np.bool_]) -> None:
-        self._coming, self._kept = coming, kept
+    A task that waits is looked at again when one certain case of those that it misses is kept.
+    """
+
+    def __init__(self, coming: Iterator[tuple[int, Task]], files: Files) -> None:
+        self._coming, self._files = coming, files
         self.ready: list[tuple[int, int, Job]] = []  # by place in the plan, then by case
-        self._open: dict[int, tuple[Job, set[int]]] = {}  # by place: what it still waits for
-        self._waiting = defaultdict[int, list[int]](list)  # by case: the places that wait for it
+        self._waiting = defaultdict[int, list[tuple[int, Task]]](list)  # by the case waited for
+        self._waits = 0  # how many
 
     def look_ahead(self, most: int, *, idle: bool) -> None:
         """Take tasks from the plan until there are `most`, or if all is idle until one is ready."""
-        while len(self._open) + len(self.ready) < most or (idle and not self.ready):
+        while self._waits + len(self.ready) < most or (idle and not self.ready):
             place, task = next(self._coming, (0, None))
             if task is None:
                 return
-            missing = {case for case in task.needs if not self._kept[case]}
-            if missing:
-                self._open[place] = task.job, missing
-                for case in missing:
-                    self._waiting[case].append(place)
-            else:
-                self._is_ready(place, task.job)
+            self._place(place, task)
+
+    def _place(self, place: int, task: Task) -> None:
+        """Among those that are ready, or that wait."""
+        missing = task.needs[self._files[task.needs] == NOT_KEPT]
+        if len(missing):
+            self._waiting[int(missing[-1])].append((place, task))
+            self._waits += 1
+        else:
+            self._is_ready(place, task.job.placed(self._where(task.needs)))
+
+    def _where(self, cases: NDArray[np.int64]) -> dict[int, int]:
+        return dict(zip(cases.tolist(), self._files[cases].tolist(), strict=True))
 
     def _is_ready(self, place: int, job: Job) -> None:
         heapq.heappush(self.ready, (place, job.cases[0] if job.cases else 0, job))
@@ -112,27 +130,22 @@ class _Agenda:
         place, _, job = heapq.heappop(self.ready)
         return place, job
 
-    def settle(self, place: int, job: Job) -> list[int]:
-        """What is ready now that a job is done; the cases whose records are kept."""
-        left = job.left()
-        for one in left:  # in the job's place: what it builds on is kept
+    def settle(self, place: int, job: Job, kept: Kept) -> None:
+        """Take note of what a job has kept; what waited for that, or for what it has left, is ready."""
+        for one in job.left(kept):  # in the job's place: what it builds on is kept
             self._is_ready(place, one)
-        open_cases = {case for one in left for case in one.cases}
-        done = [case for case in job.cases if case not in open_cases]
-        for case in done:
-            self._kept[case] = True
-            for waiting in self._waiting.pop(case, ()):
-                that, missing = self._open[waiting]
-                missing.discard(case)
-                if not missing:
-                    del self._open[waiting]
-                    self._is_ready(waiting, that)
-        return done
+        for cases in kept:
+            self._files[list(cases)] = cases[0]
+        for cases in kept:
+            for case in cases:
+                for waiting in self._waiting.pop(case, ()):
+                    self._waits -= 1
+                    self._place(*waiting)
 
 
 def _next(
-    told: queue.SimpleQueue[tuple[int, Job, BaseException | None]], engine: Engine
-) -> tuple[int, Job, BaseException | None]:
+    told: queue.SimpleQueue[tuple[int, Job, Kept | BaseException]], engine: Engine
+) -> tuple[int, Job, Kept | BaseException]:
     """What is told next; while nothing is, the engine looks whether anything can be."""
     while True:
         try:

@@ -12,9 +12,9 @@ a folder of its own: as in the first pass, no result depends on timing, on kills
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Collection, Iterator
+from collections.abc import Callable, Collection, Iterator, Mapping
 from concurrent.futures import Future
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from itertools import combinations, product
 from pathlib import Path
 
@@ -22,15 +22,16 @@ import numpy as np
 
 from ampi.scp.problem.shortfall import verdict
 from ampi.trajectory import Trajectory
-from ampi.workers.job import JobError
 from database.factory.attempts import Attempt, follow, path_to
 from database.factory.engines import Engine
-from database.factory.jobs import Job, keeper
+from database.factory.jobs import Job, Kept, keeper
 from database.factory.schedule import Task, run_jobs
 from database.plan.grid import Grid
-from database.records.campaign import Campaign, lost
+from database.records.campaign import Campaign
+from database.records.case_record import CaseRecord
+from database.records.reader import RecordReader
 from database.records.record_files import (
-    CaseRecord,
+    Files,
     again_folder,
     is_recorded,
     load_record,
@@ -43,8 +44,13 @@ MOST_IF_CONVERGED = 2  # for a case whose attempts came to an end that is no sol
 MOST_ROUNDS = 30
 
 
-def second_pass(campaign: Campaign, unsolved: Collection[int], engine: Engine) -> Campaign:
-    """Try the cases again until that solves none; the campaign whose records count those rounds."""
+def second_pass(
+    campaign: Campaign, files: Files, unsolved: Collection[int], engine: Engine
+) -> Campaign:
+    """Try the cases again until that solves none; the campaign whose records count those rounds.
+
+    `files` (c,) says where the records of the first pass lie: all are kept.
+    """
     grid = campaign.grid
     left, todo = set(unsolved), sorted(unsolved)
     while todo and campaign.rounds < MOST_ROUNDS:
@@ -52,23 +58,17 @@ def second_pass(campaign: Campaign, unsolved: Collection[int], engine: Engine) -
         after.round_folder.mkdir(exist_ok=True)
         tasks = []
         for case in todo:
-            job = SolveAgain(campaign, case)
             if load_record(after.round_folder, case, campaign.mission, campaign.label) is None:
-                job.result.unlink(missing_ok=True)
-                tasks.append(Task(job, ()))
-        run_jobs(tasks, np.zeros(grid.size, dtype=bool), engine, lambda case: None)
+                record_path(after.round_folder, case).unlink(missing_ok=True)
+                around = np.array([case, *(near for near, _ in nearby(grid, case))])
+                tasks.append(Task(SolveAgain(campaign, case), around))
+        run_jobs(tasks, files, engine, lambda cases: None)
         campaign = after
-        solved = {case for case in todo if _kept(campaign, case).trajectory.status.ok}
+        kept = RecordReader(campaign, {case: int(files[case]) for case in todo}).read(todo)
+        solved = {case for case, record in kept.items() if record.trajectory.status.ok}
         left -= solved
         todo = sorted({near for case in solved for near, _ in nearby(grid, case)} & left)
     return campaign
-
-
-def _kept(campaign: Campaign, case: int) -> CaseRecord:
-    record = campaign.record(case)
-    if record is None:
-        raise JobError(lost(campaign.folder, case))
-    return record
 
 
 def nearby(grid: Grid, case: int) -> Iterator[tuple[int, bool]]:
@@ -96,15 +96,19 @@ class SolveAgain(Job):
 
     campaign: Campaign
     case: int
+    files: Mapping[int, int] = field(default_factory=dict)  # of the records around it
     overdue: frozenset[int] = frozenset()  # attempts that have exceeded the time limit
 
     def __str__(self) -> str:
         return f"case {self.case}, again"
 
-    @property
-    def result(self) -> Path:
+    def evidence(self, kept: Kept) -> Path:
         """The round's record of the case."""
         return record_path(self._folder, self.case)
+
+    def placed(self, files: Mapping[int, int]) -> SolveAgain:
+        """With these files."""
+        return replace(self, files=files)
 
     @property
     def _folder(self) -> Path:
@@ -115,12 +119,14 @@ class SolveAgain(Job):
         """The one."""
         return (self.case,)
 
-    def compute(self, announce: Callable[[int], None]) -> Future[None]:
+    def compute(self, announce: Callable[[int], None]) -> Future[Kept]:
         """From one start after the other, until one succeeds."""
         began = time.perf_counter()
-        campaign, before = self.campaign, _kept(self.campaign, self.case)
+        campaign = self.campaign
+        reader = RecordReader(campaign, self.files)
+        before = reader.record(self.case)
         log, solves, best = [before.message], before.solves, before.trajectory
-        for number, (neighbour, start) in enumerate(self._starts(before)):
+        for number, (neighbour, start) in enumerate(self._starts(reader, before)):
             attempt = Attempt(neighbour)
             if number in self.overdue:
                 log.append(f"again {attempt}: Stopped at the time limit.")
@@ -139,9 +145,15 @@ class SolveAgain(Job):
                 break
         seconds = before.seconds + time.perf_counter() - began
         record = CaseRecord(self.case, best, "; ".join(log), solves, seconds)
-        return keeper().submit(campaign.keeping([record], self._folder))
+        keep = campaign.keeping([record], self._folder)
 
-    def _starts(self, before: CaseRecord) -> list[tuple[int, Trajectory]]:
+        def whole() -> Kept:
+            keep()
+            return ()  # of the first pass
+
+        return keeper().submit(whole)
+
+    def _starts(self, reader: RecordReader, before: CaseRecord) -> list[tuple[int, Trajectory]]:
         """What has not been tried: in the first round all but the neighbours, then what is new.
 
         A case that has converged elsewhere has followed its branch from within to the end: only what
@@ -156,18 +168,19 @@ class SolveAgain(Job):
                     continue
             elif inward and (converged or near in axes_of_neighbours):
                 continue
-            record = campaign.record(near)
-            if record is not None and record.trajectory.status.ok:
-                found.append((near, record.trajectory))
+            solved = reader.solved(near)
+            if solved is not None:
+                found.append((near, solved))
         return found[: MOST_IF_CONVERGED if converged else MOST_STARTS]
 
     def without(self, attempt: int) -> SolveAgain:
         """The same case from the other starts."""
         return replace(self, overdue=self.overdue | {attempt})
 
-    def give_up(self, reason: str) -> None:
+    def give_up(self, reason: str) -> Kept:
         """What the rounds before had found, and why there is no more."""
-        before = _kept(self.campaign, self.case)
+        before = RecordReader(self.campaign, self.files).record(self.case)
         message = f"{before.message}; again: {reason}"
         record = CaseRecord(self.case, before.trajectory, message, before.solves, before.seconds)
         self.campaign.keeping([record], self._folder)()
+        return ()

@@ -24,7 +24,7 @@ from ampi.scp.problem.shortfall import verdict
 from ampi.tracker_design.riccati_gains import GainSettings, vertex_gains
 from ampi.trajectory import Status
 from database.plan.grid import Grid
-from database.records.record_files import CaseRecord
+from database.records.case_record import CaseRecord
 
 Array = NDArray[np.float64]
 
@@ -47,10 +47,10 @@ class Block:
             slice(begin, begin + n) for begin, n in zip(self.start, self.shape, strict=True)
         )
 
-    def cases(self, grid_shape: tuple[int, ...]) -> list[int]:
+    def cases(self, grid_shape: tuple[int, ...]) -> NDArray[np.int64]:
         """Its cases in C order."""
         index = np.indices(self.shape).reshape(len(self.shape), -1) + np.array(self.start)[:, None]
-        return [int(case) for case in np.ravel_multi_index(tuple(index), grid_shape)]
+        return np.ravel_multi_index(tuple(index), grid_shape)
 
 
 def block_shape(grid_shape: tuple[int, ...]) -> tuple[int, ...]:

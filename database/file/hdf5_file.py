@@ -1,15 +1,8 @@
-"""The write side of the HDF5 schema (ampi.dataset): blocks made anywhere, one file.
-
-A block's values become the chunks of the file where the block is assembled: the worker writes each
-field as one chunk of a small HDF5 file in memory, compressed and with its checksum. The single writer
-copies these chunks as they are: it compresses nothing while all workers wait, and what the worker's
-checksum says of a chunk holds until somebody reads it.
-"""
+"""The write side of the HDF5 schema (ampi.dataset): blocks made anywhere (`encoded_block`), one file."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from io import BytesIO
 from pathlib import Path
 from typing import Any
 
@@ -32,6 +25,7 @@ from database.file.file_sink import FileSink
 
 Array = NDArray[np.float64]
 Slices = tuple[slice, ...]
+Chunk = tuple[int, bytes]  # which filters were left out, and the bytes that the others made
 
 
 def write_dataset(
@@ -43,13 +37,13 @@ def write_dataset(
     scales: Mapping[str, NDArray[Any]],
     values: Mapping[str, NDArray[Any]],
     block_shape: tuple[int, ...],
-    blocks: Iterable[tuple[Slices, bytes]],
+    blocks: Iterable[tuple[Slices, Mapping[str, Chunk]]],
     attributes: Mapping[str, Any],
 ) -> None:
     """Write a database under another name, read it back, flush it and rename it to `path`.
 
-    `values` are the fields that belong to no case; `blocks` gives those of the cases (`encoded_block`),
-    a hyperslab of the grid at a time, always in the same order: the bytes of the file depend on it. What
+    `values` are the fields that belong to no case; `blocks` gives the chunks of the others by field, a
+    hyperslab of the grid at a time, always in the same order: the bytes of the file depend on it. What
     is read back gives the digest, and every chunk is held against its checksum on the way.
     """
     path = path.resolve()  # a link stays one, and the file is written where it leads
@@ -65,9 +59,9 @@ def write_dataset(
                     for name, value in values.items():
                         file[name][...] = value
                     fields = {name: file[name].id for name in FIELDS}
-                    for slices, block in blocks:
+                    for slices, chunks in blocks:
                         sink.check()
-                        _copy_block(fields, slices, block)
+                        _write_chunks(fields, slices, chunks)
                     file["status"].attrs["meanings"] = "; ".join(
                         f"{int(s)} {s.name}: {s.sentence}" for s in Status
                     )
@@ -85,36 +79,13 @@ def write_dataset(
         raise
 
 
-def encoded_block(values: Mapping[str, NDArray[Any]], block_shape: tuple[int, ...]) -> bytes:
-    """The fields of a block, each (*block's shape, …), as chunks of an HDF5 file.
-
-    `block_shape` is that of a whole block; the chunks of a smaller one at the edge are filled up.
-    """
-    with h5py.File("block", "w", driver="core", backing_store=False) as file:
-        for name, array in values.items():
-            shape = (*block_shape, *array.shape[len(block_shape) :])
-            dataset = _create(file, name, shape, FIELDS[name].dtype, shape)
-            dataset[tuple(slice(n) for n in array.shape)] = array
-        file.flush()
-        return bytes(file.id.get_file_image())
-
-
-def decoded_block(
-    raw: bytes, shape: tuple[int, ...], names: Iterable[str]
-) -> dict[str, NDArray[Any]]:
-    """Fields of an encoded block of this shape."""
-    inside = tuple(slice(n) for n in shape)
-    with h5py.File(BytesIO(raw), "r") as file:
-        return {name: file[name][inside] for name in names}
-
-
-def _copy_block(fields: Mapping[str, h5py.h5d.DatasetID], slices: Slices, raw: bytes) -> None:
+def _write_chunks(
+    fields: Mapping[str, h5py.h5d.DatasetID], slices: Slices, chunks: Mapping[str, Chunk]
+) -> None:
     start = tuple(s.start for s in slices)
-    with h5py.File(BytesIO(raw), "r") as source:
-        for name, dataset in source.items():
-            inner = (0,) * (dataset.ndim - len(start))
-            mask, chunk = dataset.id.read_direct_chunk((0,) * dataset.ndim)
-            fields[name].write_direct_chunk((*start, *inner), chunk, mask)
+    for name, (mask, raw) in chunks.items():
+        inner = (0,) * (fields[name].rank - len(start))
+        fields[name].write_direct_chunk((*start, *inner), raw, mask)
 
 
 def _write_scales(
@@ -149,20 +120,21 @@ def _create_field(
     scales = (*parameters, *field.dimensions)
     shape = tuple(len(file[scale]) for scale in scales)
     chunks = (*block_shape, *shape[len(parameters) :]) if field.per_case else True
-    dataset = _create(file, name, shape, field.dtype, chunks)
+    dataset = create(file, name, shape, chunks)
     dataset.attrs["units"], dataset.attrs["long_name"] = field.units, field.long_name
     for i, scale in enumerate(scales):
         dataset.dims[i].label = scale.removeprefix("axis_")
         dataset.dims[i].attach_scale(file[scale])
 
 
-def _create(
-    file: h5py.File, name: str, shape: tuple[int, ...], dtype: str, chunks: tuple[int, ...] | bool
+def create(
+    file: h5py.File, name: str, shape: tuple[int, ...], chunks: tuple[int, ...] | bool
 ) -> h5py.Dataset:
+    """An empty field of this name."""
     return file.create_dataset(
         name,
         shape=shape,
-        dtype=dtype,
+        dtype=FIELDS[name].dtype,
         chunks=chunks,
         shuffle=True,
         compression="gzip",

@@ -16,7 +16,6 @@ from pathlib import Path
 import numpy as np
 
 from ampi.dataset import SCHEMA_VERSION
-from ampi.scp.condensed.exact_hessian import SolverSettings
 from ampi.workers.software import UNKNOWN, software
 from database.records.campaign import Campaign, solver_name
 
@@ -43,7 +42,7 @@ def made_by(campaign: Campaign) -> dict[str, str]:
     """All that the numbers of a file depend on besides its mission, and the revision that has it."""
     return {
         "solver": solver_name(campaign.solver),
-        "solver_settings": json.dumps(asdict(SolverSettings()), sort_keys=True),
+        "settings": json.dumps(asdict(campaign.settings), sort_keys=True),
         "time_limit": f"{campaign.time_limit!r} s",
         "gain_settings": json.dumps(asdict(campaign.gains), sort_keys=True),
         "git_revision": git_revision(),

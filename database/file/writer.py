@@ -13,6 +13,7 @@ from ampi.physics.state import STATES
 from ampi.pseudospectral.mesh import Mesh
 from ampi.scp.problem.scaled_problem import OptimalControlProblem
 from database.file.blocks import Block, block_shape
+from database.file.encoded_block import EncodedBlock
 from database.file.hdf5_file import write_dataset
 from database.records.campaign import Campaign
 
@@ -45,7 +46,7 @@ def write_database(
     campaign: Campaign,
     attributes: Mapping[str, object],
     nominal_final_time: float,
-    encoded_blocks: Iterable[tuple[Block, bytes]],
+    encoded_blocks: Iterable[tuple[Block, EncodedBlock]],
 ) -> None:
     """Merge the blocks, in index order, into `path`; `attributes` are its `provenance`."""
     mission, grid = campaign.mission, campaign.grid
@@ -71,6 +72,6 @@ def write_database(
             "ld_to_hd": np.ascontiguousarray(conversion),
         },
         block_shape=block_shape(grid.shape),
-        blocks=((block.slices, encoded) for block, encoded in encoded_blocks),
+        blocks=((block.slices, encoded.chunks) for block, encoded in encoded_blocks),
         attributes=attributes,
     )

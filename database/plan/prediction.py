@@ -17,9 +17,10 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 from functools import lru_cache
-from itertools import combinations
+from itertools import combinations, product
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ampi.trajectory import Trajectory
 from database.plan.grid import Grid
@@ -33,6 +34,17 @@ def corners(grid: Grid, case: int) -> list[tuple[int, int]]:
     strides = np.cumprod([1, *grid.shape[:0:-1]])[::-1]  # of case numbers, in C order
     steps = (np.sign(offset) * strides)[offset != 0].tolist()[:MOST_AXES]
     return [(sign, case - step) for sign, step in _terms(tuple(steps))]
+
+
+def between(grid: Grid, cases: NDArray[np.int64]) -> NDArray[np.int64]:
+    """All that cases (c,) may start from: neighbours and terms of Eq. (1), once each, in order."""
+    offset = np.stack(np.unravel_index(cases, grid.shape), axis=1) - np.array(grid.centre)
+    strides = np.cumprod([1, *grid.shape[:0:-1]])[::-1]
+    steps = np.sign(offset) * strides
+    first = np.argsort(steps == 0, axis=1, kind="stable")[:, :MOST_AXES]  # displaced axes first
+    chosen = np.array(list(product((0, 1), repeat=first.shape[1])))
+    jumps = np.concatenate([np.take_along_axis(steps, first, axis=1) @ chosen.T, steps], axis=1)
+    return np.unique((cases[:, None] - jumps)[jumps != 0])
 
 
 @lru_cache(maxsize=1024)  # few: the signs of the displaced axes

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path
@@ -12,19 +12,13 @@ from typing import Any, Protocol
 from ampi.dataset import TrajectoryDataset
 from ampi.missions.loading import parse_mission
 from ampi.missions.mission import Mission
+from ampi.scp.condensed.exact_hessian import SolverSettings
 from ampi.scp.solve import solve
 from ampi.tracker_design.riccati_gains import GainSettings
 from ampi.trajectory import Trajectory
-from ampi.workers.job import JobError
 from database.plan.grid import Grid
-from database.records.record_files import (
-    CaseRecord,
-    again_folder,
-    is_recorded,
-    keeping_records,
-    load_record,
-    record_path,
-)
+from database.records.case_record import CaseRecord
+from database.records.record_files import again_folder, keeping_records
 
 MOST_MODELS = 16  # as many as a process keeps traced (scp.family_condensing)
 TIME_LIMIT = 60.0  # s for one solve: some 300 times what a hard one takes
@@ -60,9 +54,19 @@ def as_built(dataset: TrajectoryDataset, solver: Solver) -> dict[str, Any]:
     require_solver(str(dataset.attributes["solver"]), solver)
     return {
         "solver": solver,
+        "settings": settings_of(str(dataset.attributes["settings"])) if solver is solve else None,
         "time_limit": float(dataset.attributes["time_limit"]),
         "gains": GainSettings(**json.loads(dataset.attributes["gain_settings"])),
     }
+
+
+def settings_of(text: str) -> SolverSettings:
+    """Solver settings from their JSON (`database.file.provenance`)."""
+    given: dict[str, Any] = json.loads(text)
+    for name, value in given.items():
+        if isinstance(value, dict):
+            given[name] = type(getattr(SolverSettings(), name))(**value)
+    return SolverSettings(**given)
 
 
 def require_solver(made_by: str, solver: Solver) -> None:
@@ -81,6 +85,7 @@ class Campaign:
     toml: str
     folder: Path
     solver: Solver = solve
+    settings: SolverSettings = field(default_factory=SolverSettings)  # of `solve`
     time_limit: float = TIME_LIMIT  # s, of one solve
     gains: GainSettings = field(default_factory=GainSettings)
     label: str = ""  # of the build's fingerprint: its records are sealed with it
@@ -97,6 +102,12 @@ class Campaign:
         """Whether a case is solved only if its flight says so; a stand-in claims no flight."""
         return self.solver is solve
 
+    def solve(self, mission: Mission, guess: Trajectory) -> Trajectory:
+        """By the campaign's optimiser."""
+        if self.solver is solve:
+            return solve(mission, guess=guess, settings=self.settings)
+        return self.solver(mission, guess=guess)
+
     @property
     def mission(self) -> Mission:
         """The mission, parsed once per process."""
@@ -107,39 +118,16 @@ class Campaign:
         """Its grid."""
         return _mission_and_grid(self.toml)[1]
 
-    def solved(self, case: int) -> Trajectory | None:
-        """The solution of a case that is kept, read once per process; None if it has none.
-
-        Raises
-        ------
-        JobError
-            If the case is not kept: what is solved without it would not be what a build solves.
-        """
-        return _kept_trajectory(self.folder, case, self.label, self.build, self.toml)
-
-    def record(self, case: int) -> CaseRecord | None:
-        """What is kept of a case, by the last round that tried it; None if that is not whole."""
-        for rounds in range(self.rounds, 0, -1):
-            folder = again_folder(self.folder, rounds)
-            if is_recorded(folder, case):
-                return load_record(folder, case, self.mission, self.label)
-        return load_record(self.folder, case, self.mission, self.label)
-
     @property
     def round_folder(self) -> Path:
         """Where the last round keeps what it finds: records, and the blocks that hold them."""
         return again_folder(self.folder, self.rounds)
 
     def keeping(
-        self, records: Iterable[CaseRecord], folder: Path | None = None
+        self, records: Sequence[CaseRecord], folder: Path | None = None
     ) -> Callable[[], None]:
-        """Write records; what it returns puts them in place (`record_files.keeping`)."""
+        """Write records to one file; what it returns puts that in place (`record_files.keeping`)."""
         return keeping_records(folder or self.folder, records, self.label)
-
-
-def lost(folder: Path, case: int) -> str:
-    """What there is to say of a record that was there."""
-    return f"{record_path(folder, case)} has disappeared or changed during the build"
 
 
 @lru_cache(maxsize=4)
@@ -159,14 +147,3 @@ def _flight_models(toml: str) -> int:
         if mission.with_parameters(p).flight_model != mission.flight_model:
             count *= len(axis)
     return count
-
-
-@lru_cache(maxsize=20000)  # 6 kB each
-def _kept_trajectory(
-    folder: Path, case: int, label: str, build: str, toml: str
-) -> Trajectory | None:
-    """`Campaign.solved`; an error is not remembered."""
-    record = load_record(folder, case, _mission_and_grid(toml)[0], label)
-    if record is None:
-        raise JobError(lost(folder, case))
-    return record.trajectory if record.trajectory.status.ok else None

@@ -1,33 +1,31 @@
-"""What is kept of a build under way: one file per result in `PATH.partial`.
+"""What is kept of a build under way: one file per job in `PATH.partial`.
 
     build.json         what the records belong to: mission, solver, settings, version
     build.copy.json    the same: a fault of the disk in one of them must not cost the records
     mission.toml       the mission itself, so that a case can be examined before the file is whole
-    case_000042.rec    one solved or failed case: see `CaseRecord.packed`
+    cases_000042.rec   solved or failed cases, 42 the first of them: a line that says which cases and how
+                       many bytes each, then one `CaseRecord.packed` after the other
     block_000003.rec   a run of cases in index order, with gains and re-integration, ready to merge
     again_01           records and blocks of a second pass over what was not solved, round by round
     lock               held by the process that builds
 
 Every file is written under another name, flushed to disk and renamed: a process that dies at any moment
 leaves whole files only, and the next one continues from them. A result is a function of the mission
-alone, so writing one twice does no harm.
+alone, so writing one twice does no harm. A case lies in one file, and whoever builds on it is told which
+(`Files`): nobody looks for it. A file that is damaged costs its cases, a portion at most.
 """
 
 from __future__ import annotations
 
-import hashlib
 import json
-import math
 import os
 import re
 import shutil
 import socket
 import zlib
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass
-from functools import lru_cache
 from itertools import islice
 from pathlib import Path
 from threading import Lock
@@ -36,76 +34,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ampi.missions.mission import Mission
-from ampi.trajectory import Statistics, Status, Trajectory
+from database.records.case_record import CaseRecord, mark, sealed, unsealed
 
 HOST = socket.gethostname()
-CHECKSUM_BYTES = 4
 NEW_FILE = os.O_WRONLY | os.O_CREAT | os.O_TRUNC | os.O_CLOEXEC
 AT_ONCE = 64  # files that a thread takes to delete
 DELETERS = 16  # a file that was flushed takes milliseconds to delete; side by side they overlap
-_RECORD = re.compile(r"case_(\d{6,})\.rec")
-_RESULT = re.compile(r"case_.*|block_.*|mission\.toml")
+NOT_KEPT = -1
+_RECORD = re.compile(r"cases_(\d{6,})\.rec")
+_RESULT = re.compile(r"cases_.*|block_.*|mission\.toml")
+Files = NDArray[np.int32]  # by case (c,): the file of its record, by its first case, or `NOT_KEPT`
 FINGERPRINTS = ("build.json", "build.copy.json")
 _NOTHING_WHOLE = (FileNotFoundError, ValueError, KeyError)  # a disk that cannot be read says so
-
-
-@dataclass(frozen=True, eq=False)
-class CaseRecord:
-    """What is kept of one case."""
-
-    case: int
-    trajectory: Trajectory
-    message: str
-    solves: int  # optimal control problems solved to get there
-    seconds: float
-
-    def packed(self, label: str) -> bytes:
-        """One line of JSON, the arrays it names one after the other as f8, a CRC-32 of all that.
-
-        The CRC is also of the build's `label` and of the case's number.
-
-        An .npz takes ten times as long to read, a quarter of a millisecond, and portions read hundreds.
-        """
-        t = self.trajectory
-        arrays = {"states": t.states, "bank_rate": t.bank_rate}
-        if t.target_multipliers is not None:
-            arrays["target_multipliers"] = t.target_multipliers
-        scalars = np.array([t.final_time, t.cost, self.seconds, *t.statistics.limit_excess])
-        arrays["scalars"] = scalars  # not in JSON: it has no word for what is not a number
-        head = {
-            "status": int(t.status),
-            "iterations": t.statistics.iterations,
-            "solves": self.solves,
-            "message": self.message,
-            "shapes": {name: values.shape for name, values in arrays.items()},
-        }
-        parts = [json.dumps(head).encode(), b"\n"]
-        parts += [np.ascontiguousarray(values, dtype="<f8").tobytes() for values in arrays.values()]
-        return _sealed(b"".join(parts), _mark(label, self.case))
-
-    @classmethod
-    def unpacked(cls, case: int, raw: bytes, mission: Mission, label: str) -> CaseRecord:
-        """The record in `raw`; ValueError if it is damaged, or of another case or build."""
-        body = _unsealed(raw, _mark(label, case))
-        line, _, _ = body.partition(b"\n")
-        head, place = json.loads(line), len(line) + 1
-        arrays = {}
-        for name, shape in head["shapes"].items():
-            count = math.prod(shape)
-            arrays[name] = np.frombuffer(body, "<f8", count, place).reshape(shape)
-            place += 8 * count
-        final_time, cost, seconds, *excess = arrays["scalars"].tolist()
-        trajectory = Trajectory(
-            mesh=mission.pseudospectral_mesh,
-            states=arrays["states"],
-            bank_rate=arrays["bank_rate"],
-            final_time=final_time,
-            cost=cost,
-            status=Status(head["status"]),
-            statistics=Statistics(iterations=head["iterations"], limit_excess=tuple(excess)),
-            target_multipliers=arrays.get("target_multipliers"),
-        )
-        return cls(case, trajectory, head["message"], head["solves"], seconds)
 
 
 def keeping(results: Mapping[str, bytes]) -> Callable[[], None]:
@@ -181,49 +121,24 @@ def again_folder(folder: Path, rounds: int) -> Path:
     return folder / f"again_{rounds:02d}" if rounds else folder
 
 
-def record_path(folder: Path, case: int) -> Path:
-    """File of one case."""
-    return folder / _record_name(case)
+def record_path(folder: Path, first: int) -> Path:
+    """The file of records whose first case this is."""
+    return folder / f"cases_{first:06d}.rec"
 
 
-def is_recorded(folder: Path, case: int) -> bool:
-    """Whether a case has a file, whole or not."""
-    return os.path.exists(_record_file(folder, case))
+def keeping_records(folder: Path, records: Sequence[CaseRecord], label: str) -> Callable[[], None]:
+    """`keeping` cases of the build with this label, in one file."""
+    bodies = [r.packed(label) for r in records]
+    first = records[0].case
+    line = json.dumps([[r.case for r in records], [len(body) for body in bodies]])
+    head = f"{line} {_crc_of_line(line, first, label)}\n".encode()
+    return keeping({str(record_path(folder, first)): b"".join([head, *bodies])})
 
 
-def recorded_cases(folder: Path, count: int) -> NDArray[np.bool_]:
-    """Which of the first `count` cases have a file, whole or not, (count,)."""
-    found = np.zeros(count, dtype=bool)
-    for name in _names(folder):
-        match = _RECORD.fullmatch(name)
-        if match and int(match[1]) < count and _record_name(int(match[1])) == name:
-            found[int(match[1])] = True
-    return found
-
-
-def _names(folder: Path) -> Iterator[str]:
-    """What lies in a folder, an entry at a time: it may hold millions."""
-    with os.scandir(folder) as entries:
-        for entry in entries:
-            yield entry.name
-
-
-def _record_name(case: int) -> str:
-    return f"case_{case:06d}.rec"
-
-
-def _record_file(folder: Path, case: int) -> str:
-    """`record_path` as text: asking for a case is quicker than making a Path, and builds ask often."""
-    return f"{folder}{os.sep}{_record_name(case)}"
-
-
-def keeping_records(folder: Path, records: Iterable[CaseRecord], label: str) -> Callable[[], None]:
-    """`keeping` cases of the build with this label, each in its file."""
-    return keeping({_record_file(folder, r.case): r.packed(label) for r in records})
-
-
-def load_record(folder: Path, case: int, mission: Mission, label: str) -> CaseRecord | None:
-    """The record of a case; None if it is absent, damaged or of a build with another label.
+def load_records(
+    folder: Path, first: int, cases: Iterable[int], mission: Mission, label: str
+) -> dict[int, CaseRecord]:
+    """Those of the `cases` whose records are whole, in a file of the build with this label.
 
     Another's: a cluster may still be running a job of a build that was given up, and keep its result in
     the folder of the next one.
@@ -233,12 +148,97 @@ def load_record(folder: Path, case: int, mission: Mission, label: str) -> CaseRe
     OSError
         If it cannot be read: it may be whole.
     """
+    found = {}
     try:
-        with open(_record_file(folder, case), "rb", buffering=0) as file:
-            raw = file.read()
-        return CaseRecord.unpacked(case, raw, mission, label)
+        bodies = _bodies(_read(folder, first), first, label)
     except _NOTHING_WHOLE:
-        return None
+        return {}
+    for case in cases:
+        with suppress(*_NOTHING_WHOLE):
+            found[case] = CaseRecord.unpacked(case, bodies[case], mission, label)
+    return found
+
+
+def load_record(folder: Path, case: int, mission: Mission, label: str) -> CaseRecord | None:
+    """The record of a case that is the first of its file; None if that is absent, damaged, another's."""
+    return load_records(folder, case, (case,), mission, label).get(case)
+
+
+def is_recorded(folder: Path, first: int) -> bool:
+    """Whether there is a file of records of this name, whole or not."""
+    return record_path(folder, first).exists()
+
+
+def recorded_cases(folder: Path, count: int, label: str) -> tuple[Files, list[Path]]:
+    """Where the records of the first `count` cases lie; the files that are damaged or another's.
+
+    Raises
+    ------
+    OSError
+        If one cannot be read: it may be whole.
+    """
+    found, damaged = nowhere(count), []
+    for first in _record_files(folder):
+        try:
+            bodies = _bodies(_read(folder, first), first, label)
+            for case, body in bodies.items():
+                unsealed(body, mark(label, case))
+            found[list(bodies)] = first
+        except _NOTHING_WHOLE:
+            damaged.append(record_path(folder, first))
+    return found, damaged
+
+
+def nowhere(count: int) -> Files:
+    """Where the records lie while there are none."""
+    return np.full(count, NOT_KEPT, dtype=np.int32)
+
+
+def count_records(folder: Path) -> int:
+    """How many finished cases a folder holds; one for a file that cannot be read."""
+    count = 0
+    for first in _record_files(folder):
+        try:
+            with record_path(folder, first).open("rb") as file:
+                count += len(json.loads(file.readline().rpartition(b" ")[0])[0])
+        except (OSError, ValueError):
+            count += 1
+    return count
+
+
+def _record_files(folder: Path) -> list[int]:
+    """The files of records by their first cases."""
+    matches = (_RECORD.fullmatch(name) for name in _names(folder))
+    return [int(match[1]) for match in matches if match]
+
+
+def _names(folder: Path) -> Iterator[str]:
+    """What lies in a folder, an entry at a time: it may hold hundreds of thousands."""
+    with os.scandir(folder) as entries:
+        for entry in entries:
+            yield entry.name
+
+
+def _read(folder: Path, first: int) -> bytes:
+    with open(record_path(folder, first), "rb", buffering=0) as file:
+        return file.read()
+
+
+def _bodies(raw: bytes, first: int, label: str) -> dict[int, bytes]:
+    """What a file of records holds of each case; ValueError if it does not say that any more."""
+    head, _, rest = raw.partition(b"\n")
+    line, _, checksum = head.decode().rpartition(" ")
+    if checksum != _crc_of_line(line, first, label):
+        raise ValueError("a file of records does not match its checksum")
+    cases, sizes = json.loads(line)
+    ends = np.cumsum(sizes).tolist()
+    return {
+        case: rest[end - size : end] for case, size, end in zip(cases, sizes, ends, strict=True)
+    }
+
+
+def _crc_of_line(line: str, first: int, label: str) -> str:
+    return f"{zlib.crc32(line.encode(), mark(label, first)):08x}"
 
 
 def block_path(folder: Path, number: int) -> Path:
@@ -248,82 +248,15 @@ def block_path(folder: Path, number: int) -> Path:
 
 def keeping_block(folder: Path, number: int, encoded: bytes, label: str) -> Callable[[], None]:
     """`keeping` one block (`hdf5_file.encoded_block`) of the build with this label."""
-    return keeping({str(block_path(folder, number)): _sealed(encoded, _mark(label, number))})
+    return keeping({str(block_path(folder, number)): sealed(encoded, mark(label, number))})
 
 
 def load_block(folder: Path, number: int, label: str) -> bytes | None:
     """A block of the build with this label; None if it is absent, damaged or another's."""
     try:
-        return _unsealed(block_path(folder, number).read_bytes(), _mark(label, number))
+        return unsealed(block_path(folder, number).read_bytes(), mark(label, number))
     except _NOTHING_WHOLE:
         return None
-
-
-def write_fingerprint(folder: Path, fingerprint: dict[str, str], toml: str) -> None:
-    """Mark a folder of records with what made it."""
-    checked = {**fingerprint, "crc32": _crc_of(fingerprint)}
-    text = json.dumps(checked, indent=1, sort_keys=True).encode()
-    keeping({str(folder / "mission.toml"): toml.encode()})()
-    keeping({str(folder / name): text for name in FINGERPRINTS})()
-
-
-def label_of(fingerprint: Mapping[str, str]) -> str:
-    """What the records of a build are sealed with."""
-    return hashlib.sha256(json.dumps(fingerprint, sort_keys=True).encode()).hexdigest()
-
-
-def _mark(label: str, number: int) -> int:
-    """Where a CRC-32 begins that is to be of a result and of what it belongs to."""
-    return zlib.crc32(str(number).encode(), _crc_of_text(label))
-
-
-@lru_cache(maxsize=8)
-def _crc_of_text(label: str) -> int:
-    return zlib.crc32(label.encode())
-
-
-def _sealed(raw: bytes, mark: int) -> bytes:
-    return raw + zlib.crc32(raw, mark).to_bytes(CHECKSUM_BYTES, "little")
-
-
-def _unsealed(raw: bytes, mark: int) -> bytes:
-    body, checksum = raw[:-CHECKSUM_BYTES], raw[-CHECKSUM_BYTES:]
-    if zlib.crc32(body, mark).to_bytes(CHECKSUM_BYTES, "little") != checksum:
-        raise ValueError("a record does not match its checksum")
-    return body
-
-
-def read_fingerprint(folder: Path) -> dict[str, str] | None:
-    """What made the records of a folder; None if no copy of it is whole.
-
-    Raises
-    ------
-    OSError
-        If no copy is whole, and one cannot be read.
-    """
-    unreadable: OSError | None = None
-    for name in FINGERPRINTS:
-        try:
-            found = dict(json.loads((folder / name).read_text(encoding="utf-8")))
-        except (FileNotFoundError, ValueError, TypeError):
-            continue
-        except OSError as error:
-            unreadable = error
-            continue
-        if found.pop("crc32", "") == _crc_of(found):
-            return found
-    if unreadable is not None:
-        raise unreadable
-    return None
-
-
-def _crc_of(fingerprint: dict[str, str]) -> str:
-    return f"{zlib.crc32(json.dumps(fingerprint, sort_keys=True).encode()):08x}"
-
-
-def count_records(folder: Path) -> int:
-    """How many finished cases a folder holds."""
-    return sum(_RECORD.fullmatch(name) is not None for name in _names(folder))
 
 
 def discard_records(folder: Path) -> None:

@@ -19,7 +19,7 @@ from ampi.dataset import read_dataset
 from ampi.missions.loading import load_mission
 from ampi.missions.mission import Mission
 from ampi.trajectory import Status, Trajectory
-from database.factory.jobs import Job
+from database.factory.jobs import Job, Kept
 from database.factory.stand_in import neighbour_moved
 
 
@@ -135,7 +135,10 @@ class Marking(Job):
     def result(self) -> Path:
         return self.folder / self.name
 
-    def compute(self, announce: Callable[[int], None]) -> Future[None]:
+    def evidence(self, kept: Kept) -> Path:
+        return self.result
+
+    def compute(self, announce: Callable[[int], None]) -> Future[Kept]:
         turns = len(list(self.folder.glob(f"{self.name} *")))
         (self.folder / f"{self.name} {turns} by {os.getpid()}").touch()
         if self.announces:
@@ -144,19 +147,21 @@ class Marking(Job):
             os.kill(os.getpid(), signal.SIGKILL)
         return ThreadPoolExecutor(1).submit(self._flush)
 
-    def _flush(self) -> None:
+    def _flush(self) -> Kept:
         if self.dies_flushing:
             time.sleep(0.2)  # until the supervisor knows that this is all that is left
             os.kill(os.getpid(), signal.SIGKILL)
         while self.flush_waits_for and not list(self.folder.glob(f"{self.flush_waits_for} *")):
             time.sleep(0.01)
         self.result.touch()
+        return ()
 
     def without(self, attempt: int) -> Marking:
         raise AssertionError
 
-    def give_up(self, reason: str) -> None:
+    def give_up(self, reason: str) -> Kept:
         self.result.write_text(reason)
+        return ()
 
 
 def main() -> None:

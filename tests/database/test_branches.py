@@ -33,7 +33,7 @@ from database.audit.branches import (
     suspects,
 )
 from database.audit.coherence import coherence
-from database.build import BuildReport, KnownCase
+from database.build import BuildReport, KnownOptimum
 from database.plan.grid import Grid
 from database.repair import Move, repair
 
@@ -80,12 +80,12 @@ def mixed(
     retrograde: Mission, tmp_path_factory: pytest.TempPathFactory
 ) -> tuple[Path, BuildReport]:
     """Its database with case 0 on the left branch, the others on the right one."""
-    grid, known = Grid.from_mission(retrograde), dict[int, KnownCase]()
+    grid, known = Grid.from_mission(retrograde), dict[int, KnownOptimum]()
     right = ampi.solve(retrograde, guess=mirrored(ampi.solve(retrograde, guess=bank(-30.0))))
     for case in range(4):
         here = retrograde.with_parameters(grid.point(case))
         guess = right if case else bank(10.0)
-        known[case] = KnownCase(ampi.solve(here, guess=guess), "planted")
+        known[case] = KnownOptimum(ampi.solve(here, guess=guess), "planted")
     path = tmp_path_factory.mktemp("mixed") / "mixed.h5"
     report = database.build(retrograde, path, n_jobs=1, known=known)
     assert (report.solved, report.resumed) == (4, 4)

@@ -30,7 +30,7 @@ from database.audit.coherence import (
     family_rows,
     family_scale,
 )
-from database.build import KnownCase
+from database.build import KnownOptimum
 from database.factory.stand_in import neighbour_moved
 from database.plan.grid import Grid
 from database.records.campaign import BuildError
@@ -226,13 +226,13 @@ def planted(
 ) -> Path:
     """The small database with one corner on the branch of −30 degrees of bank."""
     dataset, grid = read_dataset(small_database), Grid.from_mission(small_mission)
-    known = {case: KnownCase.of(dataset, case) for case in range(9)}
+    known = {case: KnownOptimum.of(dataset, case) for case in range(9)}
     other = ampi.solve(
         small_mission.with_parameters(grid.point(2)), guess=ampi.ConstantBank(np.radians(-30.0))
     )
     assert other.status.ok
     assert np.sign(other.states[6, 0]) != np.sign(dataset.states[0, 2, 6, 0])
-    known[2] = KnownCase(other, "planted")
+    known[2] = KnownOptimum(other, "planted")
     path = tmp_path_factory.mktemp("planted") / "planted.h5"
     report = database.build(
         small_mission,
@@ -262,7 +262,7 @@ def test_a_repair_that_is_killed_leaves_the_file_and_begins_anew(
     assert path.read_bytes() == planted.read_bytes()
     load_guidance(path)
     with pytest.raises(
-        ValueError, match=r"solved by ampi\.scp\.solve\.solve, got database\.stand_in"
+        ValueError, match=r"solved by ampi\.scp\.solve\.solve, got database\.factory\.stand_in"
     ):
         repair(path, solver=neighbour_moved)
     (done,) = repair(path, n_jobs=1)

@@ -227,16 +227,16 @@ def test_failures_in_several_places_are_counted_by_place(small_mission: Mission)
     mission = parse_mission(small_mission.toml + "azimuth_deg = [-0.5, 0.0, 0.5]\n")
     tally = Tally.of(mission)
     for case in (3, 4, 5, 22):  # (0, 1, …) thrice, (2, 1, 1)
-        tally.fail(case, int(Status.STALLED), b"from case 13: it stalled")
+        tally.fail(case, Status.STALLED, b"from case 13: it stalled")
     where, why, way_out = tally.report(Path("a.h5"), resumed=0, already_whole=False).failure_summary
     assert where == (
         "4 of 27 cases not solved: 3 at speed_m_per_s = 4642.26, 1 at speed_m_per_s = 4782.26"
     )
     assert why == f"reasons: 4 × {Status.STALLED.sentence}"
     assert "--drop speed_m_per_s=4642.26 --drop speed_m_per_s=4782.26 keeps the other 9" in way_out
-    tally.fail(1, int(Status.ERROR), b"Its worker process died 3 times, by SIGSEGV.")
-    tally.fail(7, int(Status.ERROR), b"Its worker process died 3 times, by SIGSEGV.")
-    tally.fail(14, int(Status.ERROR), b"Its worker process died 3 times, by SIGSEGV.")
+    tally.fail(1, Status.ERROR, b"Its worker process died 3 times, by SIGSEGV.")
+    tally.fail(7, Status.ERROR, b"Its worker process died 3 times, by SIGSEGV.")
+    tally.fail(14, Status.ERROR, b"Its worker process died 3 times, by SIGSEGV.")
     report = tally.report(Path("a.h5"), resumed=0, already_whole=False)
     assert "2 × Its" not in report.failure_summary[1]
     assert "3 × Its worker process died 3 times, by SIGSEGV." in report.failure_summary[1]

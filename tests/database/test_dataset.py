@@ -120,7 +120,7 @@ def test_the_file_alone_solves_a_case_again_to_the_same_numbers(small_database: 
     assert tuple(attributes["parameters"]) == grid.names
     for name, axis in zip(grid.names, grid.axes, strict=True):
         assert np.array_equal(content[f"axis_{name}"], axis)
-    settings = restored(SolverSettings, json.loads(attributes["solver_settings"]))
+    settings = restored(SolverSettings, json.loads(attributes["settings"]))
     phases = tuple(restored(Phase, phase) for phase in json.loads(attributes["mesh"]))
     assert phases == mission.pseudospectral_mesh.phases
     case = (2, 0)

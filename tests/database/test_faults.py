@@ -41,7 +41,13 @@ from database.factory.stand_in import neighbour_moved
 from database.plan.continuation import layers
 from database.plan.grid import Grid
 from database.records.campaign import BuildError, Campaign
-from database.records.record_files import FINGERPRINTS, record_path
+from database.records.fingerprint import label_of, read_fingerprint
+from database.records.record_files import (
+    FINGERPRINTS,
+    count_records,
+    record_path,
+    recorded_cases,
+)
 
 HERE = Path(__file__).parent
 
@@ -105,7 +111,7 @@ def test_a_case_that_always_kills_its_worker_is_a_record(
 def test_workers_that_cannot_start_end_the_build(
     small_mission: Mission, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("ampi.workers.supervisor._COMMAND", "raise SystemExit(7)")
+    monkeypatch.setattr("ampi.workers.supervisor._SERVE", "raise SystemExit(7)")
     with pytest.raises(BuildError, match=r"died 3 times before its first job, by exit status 7"):
         database.build(small_mission, tmp_path / "a.h5")
 
@@ -124,12 +130,12 @@ def test_an_idle_worker_that_dies_is_replaced(small_mission: Mission, tmp_path: 
     plan = [p for layer in layers(Grid.from_mission(small_mission)) for p in layer]
     campaign = Campaign(small_mission.toml, tmp_path, neighbour_moved)
     for planned in plan[:3]:
-        supervisor.run(SolveCase(campaign, planned))
+        supervisor.run(SolveCase(campaign, planned.case))
         (worker,) = supervisor._free
         worker.process.kill()
         worker.process.wait()
     supervisor.close()
-    assert len(list(tmp_path.glob("case_*.rec"))) == 3
+    assert count_records(tmp_path) == 3
 
 
 def turns(folder: Path, name: str) -> list[str]:
@@ -270,11 +276,12 @@ def test_two_lost_records_are_solved_before_what_starts_from_them(
     """The nominal case and a corner, with all that lies between them kept."""
     path, folder = tmp_path / "a.h5", partial_folder(tmp_path / "a.h5")
     interrupted(small_mission, path, after=9)
-    for case in (0, 4):
-        record = record_path(folder, case)
+    with_corner = int(recorded_cases(folder, 9, label_of(read_fingerprint(folder) or {}))[0][0])
+    for first in (with_corner, 4):
+        record = record_path(folder, first)
         record.write_bytes(record.read_bytes()[:-1] + b"?")
     report = database.build(small_mission, path, n_jobs=2, solver=neighbour_moved)
-    assert (report.resumed, report.solved) == (7, 9)
+    assert (report.resumed, report.solved) == (4, 9)  # without the four corners, of one portion
     assert path.read_bytes() == undisturbed
 
 
@@ -287,7 +294,7 @@ def test_records_that_cannot_be_read_stop_the_build_and_stay(
     kept.rename(tmp_path / "away")
     kept.symlink_to(kept)  # a loop: for root as for anybody
     with pytest.raises(
-        BuildError, match=r"case_000004\.rec: Too many levels.*finished cases are kept"
+        BuildError, match=r"cases_000004\.rec: Too many levels.*finished cases are kept"
     ):
         database.build(small_mission, path, n_jobs=1, solver=neighbour_moved)
     kept.unlink()
@@ -352,7 +359,7 @@ def test_a_full_disk_is_one_sentence_and_loses_nothing(
             BuildError, match=r"No space left on device.*make room and run the same"
         ):
             database.build(small_mission, path, n_jobs=1, solver=neighbour_moved)
-        kept = len(list(partial_folder(path).glob("case_*.rec")))
+        kept = count_records(partial_folder(path))
         assert not path.exists()
         assert not list(folder.rglob("*.tmp"))
         subprocess.run(["mount", "-o", "remount,size=8m", folder], check=True)
@@ -368,7 +375,7 @@ def test_what_a_killed_process_did_not_finish_goes(
     path = tmp_path / "a.h5"
     folder = partial_folder(path)
     folder.mkdir()
-    of_another, of_a_worker = folder / "case_000001.rec.1.tmp", folder / "case_000008.rec.2.tmp"
+    of_another, of_a_worker = folder / "cases_000001.rec.1.tmp", folder / "cases_000008.rec.2.tmp"
     of_another.touch()
 
     def fails(count: int) -> None:

@@ -7,6 +7,7 @@ import signal
 import subprocess
 import sys
 import time
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
@@ -32,14 +33,31 @@ class Driver:
         )
 
     def workers(self) -> list[int]:
-        threads = Path(f"/proc/{self.process.pid}/task").glob("*/children")
-        return [int(pid) for children in threads for pid in children.read_text().split()]
+        """They, and the process that they are forked from."""
+        servers = [pid for pid in children(self.process.pid) if works(pid)]
+        return [*servers, *(pid for server in servers for pid in children(server))]
 
     def end(self) -> int:
         _, told = self.process.communicate()
         if self.process.returncode not in (0, -signal.SIGKILL):
             assert b"run the same build again" in told, told.decode()
         return self.process.returncode
+
+
+def children(pid: int) -> list[int]:
+    found = list[int]()
+    for told in Path(f"/proc/{pid}/task").glob("*/children"):
+        with suppress(OSError):
+            found += map(int, told.read_text().split())
+    return found
+
+
+def works(pid: int) -> bool:
+    """Whether this is none of git's: who kills that has a file of an unknown revision."""
+    try:
+        return b"ampi.workers" in Path(f"/proc/{pid}/cmdline").read_bytes()
+    except OSError:
+        return False
 
 
 def kill_at_random(

@@ -10,18 +10,21 @@ import pytest
 
 from ampi.missions.mission import Mission
 from database.factory.attempts import no_trajectory
+from database.records.case_record import CaseRecord
+from database.records.fingerprint import read_fingerprint, write_fingerprint
 from database.records.lock import exclusive
 from database.records.record_files import (
     FINGERPRINTS,
-    CaseRecord,
+    NOT_KEPT,
+    count_records,
     keeping,
     keeping_block,
     keeping_records,
     load_block,
     load_record,
-    read_fingerprint,
+    load_records,
     record_path,
-    write_fingerprint,
+    recorded_cases,
 )
 
 
@@ -77,6 +80,34 @@ def test_a_record_is_of_its_build_and_of_its_case(small_mission: Mission, tmp_pa
     assert load_record(tmp_path, 3, small_mission, "another") is None
     record_path(tmp_path, 3).rename(record_path(tmp_path, 4))
     assert load_record(tmp_path, 4, small_mission, "this build") is None
+
+
+def test_a_portion_is_one_file_and_damage_costs_no_more_than_that(
+    small_mission: Mission, tmp_path: Path
+) -> None:
+    nothing = no_trajectory(small_mission.pseudospectral_mesh)
+    for cases in ((1, 3, 5), (2, 4), (0,), (7,)):
+        records = [CaseRecord(case, nothing, f"case {case}", 0, 0.0) for case in cases]
+        keeping_records(tmp_path, records, "this build")()
+    assert names(tmp_path) == [f"cases_00000{first}.rec" for first in (0, 1, 2, 7)]
+    assert count_records(tmp_path) == 7
+    files, damaged = recorded_cases(tmp_path, 9, "this build")
+    assert files.tolist() == [0, 1, 2, 1, 2, 1, NOT_KEPT, 7, NOT_KEPT]
+    assert damaged == []
+    found = load_records(tmp_path, 1, (3, 5, 8), small_mission, "this build")
+    assert {case: record.message for case, record in found.items()} == {3: "case 3", 5: "case 5"}
+    raw = bytearray(record_path(tmp_path, 1).read_bytes())
+    raw[-1] ^= 1  # of the last record
+    record_path(tmp_path, 1).write_bytes(raw)
+    assert list(load_records(tmp_path, 1, (1, 3, 5), small_mission, "this build")) == [1, 3]
+    record_path(tmp_path, 2).write_bytes(record_path(tmp_path, 2).read_bytes()[:3])
+    record_path(tmp_path, 7).write_bytes(record_path(tmp_path, 0).read_bytes())
+    files, damaged = recorded_cases(tmp_path, 9, "this build")
+    assert files.tolist() == [0, *[NOT_KEPT] * 8]
+    assert sorted(damaged) == [record_path(tmp_path, first) for first in (1, 2, 7)]
+    files, damaged = recorded_cases(tmp_path, 9, "another")
+    assert (files == NOT_KEPT).all()
+    assert len(damaged) == 4
 
 
 def test_a_record_that_cannot_be_read_is_not_taken_for_a_damaged_one(

@@ -20,7 +20,7 @@ from ampi.tracker_design.riccati_gains import GainSettings
 from ampi.trajectory import Status, Trajectory
 from database.audit.audit import nodal_reference
 from database.audit.error_map import COLUMNS, CellError, best_cell, error_map
-from database.build import KnownCase
+from database.build import KnownOptimum
 from database.factory.stand_in import neighbour_moved
 from database.records.campaign import BuildError
 from database.refine import RefineReport, refine, with_point
@@ -133,10 +133,10 @@ def test_settings_of_the_file_are_kept_and_another_optimiser_is_refused(
     database.build(small_mission, path, solver=neighbour_moved, gains=settings, time_limit=30.0)
     refine(path, output, parameter="speed", solver=neighbour_moved)
     before, after = read_dataset(path), read_dataset(output)
-    for name in ("solver", "gain_settings", "time_limit"):
+    for name in ("solver", "settings", "gain_settings", "time_limit"):
         assert after.attributes[name] == before.attributes[name], name
     with pytest.raises(
-        ValueError, match=r"solved by database\.stand_in\.neighbour_moved, got ampi"
+        ValueError, match=r"solved by database\.factory\.stand_in\.neighbour_moved, got ampi"
     ):
         refine(path, tmp_path / "other.h5", parameter="speed")
 
@@ -147,7 +147,7 @@ def test_a_refinement_is_not_continued_from_another_source(
     """Both databases are of one mission, and their optima differ: the file would mix them."""
     one, other, output = (tmp_path / f"{name}.h5" for name in ("one", "other", "refined"))
     database.build(small_mission, one, solver=neighbour_moved)
-    first = KnownCase.of(read_dataset(one), 0)
+    first = KnownOptimum.of(read_dataset(one), 0)
     longer = replace(first.trajectory, final_time=first.trajectory.final_time + 1.0)
     known = {0: replace(first, trajectory=longer)}
     database.build(small_mission, other, solver=neighbour_moved, known=known)

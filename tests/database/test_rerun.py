@@ -32,13 +32,13 @@ def test_a_case_of_an_unfinished_build(small_mission: Mission, tmp_path: Path, s
     path = tmp_path / "a.h5"
     with pytest.raises(ZeroDivisionError):
         database.build(small_mission, path, n_jobs=1, advance=lambda n: 1 // 0 if n else None)
-    for late in partial_folder(path).glob("case_00000[0-35-9].rec"):
+    for late in partial_folder(path).glob("cases_00000[0-35-9].rec"):
         late.unlink()
     found = rerun(f"{path}{suffix}", 5)
     assert found.stored == "nothing yet"
     assert found.trajectory.status.ok
     assert [a.attempt for a in found.attempts] == ["from case 4 in 1 step(s)"]
-    assert not (partial_folder(path) / "case_000005.rec").exists()
+    assert not (partial_folder(path) / "cases_000005.rec").exists()
 
 
 def test_misuse_is_named(small_database: Path, tmp_path: Path) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import errno
 import resource
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -16,11 +16,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from ampi.workers.job import JobError
-from database.factory.jobs import Job
+from database.factory.engines import Tell
+from database.factory.jobs import Job, Kept
 from database.factory.schedule import LEAST_FORESIGHT, Task, run_jobs
 from database.file.blocks import BLOCK_CASES, blocks, blocks_at
+from database.file.encoded_block import COUNTED, EncodedBlock, encoded_block, stations
 from database.file.file_sink import FileSink
-from database.file.hdf5_file import _copy_block, decoded_block, encoded_block
+from database.file.hdf5_file import _write_chunks, create
+from database.records.record_files import NOT_KEPT, nowhere
 
 shapes = st.lists(st.integers(1, 5), min_size=1, max_size=6).map(tuple)
 
@@ -38,7 +41,7 @@ def test_blocks_hold_every_case_once_and_few_each(shape: tuple[int, ...]) -> Non
         np.testing.assert_array_equal(
             cases, np.arange(seen.size).reshape(shape)[block.slices].ravel()
         )
-        flat += cases
+        flat.extend(cases)
     assert np.all(seen == 1)
     assert len(flat) == seen.size
 
@@ -71,6 +74,13 @@ class Numbered:
     leaves: bool = False
     result: Path = Path(__file__)
 
+    def placed(self, files: Mapping[int, int]) -> Numbered:
+        assert NOT_KEPT not in files.values()
+        return self
+
+    def evidence(self, kept: Kept) -> Path:
+        return self.result
+
     def __str__(self) -> str:
         return f"job {self.number}"
 
@@ -78,8 +88,8 @@ class Numbered:
     def cases(self) -> tuple[int, ...]:
         return (self.number,)
 
-    def left(self) -> list[Job]:
-        return [Numbered(self.number)] if self.leaves else []  # type: ignore[list-item]
+    def left(self, kept: Kept) -> list[Job]:
+        return [] if kept else [Numbered(self.number)]  # type: ignore[list-item]
 
 
 @dataclass
@@ -91,9 +101,9 @@ class ShuffledEngine:
     width: int = 5
     log: list[int] = field(default_factory=list)
     bad: int = -1  # the job that raises
-    open: list[tuple[Job, Callable[[BaseException | None], None]]] = field(default_factory=list)
+    open: list[tuple[Job, Tell]] = field(default_factory=list)
 
-    def submit(self, job: Job, tell: Callable[[BaseException | None], None]) -> None:
+    def submit(self, job: Job, tell: Tell) -> None:
         assert len(self.open) < self.room
         self.open.append((job, tell))
         threading.Timer(0.001, self._finish_one).start()
@@ -103,7 +113,8 @@ class ShuffledEngine:
         job, tell = self.open.pop(int(rng.integers(len(self.open))))
         (case,) = job.cases
         self.log.append(case)
-        tell(RuntimeError("boom") if case == self.bad else None)
+        kept = () if job.leaves else (job.cases,)  # type: ignore[attr-defined]
+        tell(RuntimeError("boom") if case == self.bad else kept)
 
     def close(self) -> None:
         """Nothing to end."""
@@ -115,19 +126,19 @@ def test_no_job_runs_before_what_it_needs(seed: int) -> None:
     n = 3 * LEAST_FORESIGHT
     needs = [tuple(rng.integers(0, i, 3).tolist()) if i else () for i in range(n)]
     engine, finished = ShuffledEngine(seed), list[int]()
-    kept = rng.random(n) < 0.2
+    files = np.where(rng.random(n) < 0.2, np.arange(n), NOT_KEPT).astype(np.int32)
     leaving = rng.random(n) < 0.3
-    before, looked_at = set(np.flatnonzero(kept).tolist()), 0
+    before, looked_at = set(np.flatnonzero(files != NOT_KEPT).tolist()), 0
 
     def plan() -> Iterator[Task]:
         nonlocal looked_at
         for i in sorted(set(range(n)) - before):
             looked_at += 1
             assert looked_at <= len(finished) + engine.room + LEAST_FORESIGHT + 1
-            yield Task(Numbered(i, bool(leaving[i])), needs[i])  # type: ignore[arg-type]
+            yield Task(Numbered(i, bool(leaving[i])), np.array(needs[i], int))  # type: ignore[arg-type]
 
-    run_jobs(plan(), kept, engine, finished.append)
-    assert kept.all()
+    run_jobs(plan(), files, engine, finished.extend)
+    assert (files == np.arange(n)).all()
     assert sorted(finished) == sorted(set(range(n)) - before)
     assert sorted(engine.log) == sorted([*finished, *(i for i in finished if leaving[i])])
     for case in finished:
@@ -136,17 +147,18 @@ def test_no_job_runs_before_what_it_needs(seed: int) -> None:
 
 
 def test_what_a_job_raises_ends_the_run() -> None:
-    task = Task(Numbered(0), (1,))  # type: ignore[arg-type]
+    task = Task(Numbered(0), np.array([1]))  # type: ignore[arg-type]
+    files = np.array([NOT_KEPT, 1], np.int32)
     with pytest.raises(RuntimeError, match="boom"):
-        run_jobs([task], np.array([False, True]), ShuffledEngine(0, bad=0), print)
+        run_jobs([task], files, ShuffledEngine(0, bad=0), print)
 
 
 def test_a_result_that_is_not_there_ends_the_run(tmp_path: Path) -> None:
-    task = Task(Numbered(0, result=tmp_path / "nowhere"), ())  # type: ignore[arg-type]
+    task = Task(Numbered(0, result=tmp_path / "nowhere"), np.zeros(0, int))  # type: ignore[arg-type]
     with pytest.raises(
         JobError, match=rf"job 0: its result is not in {tmp_path}; the workers must"
     ):
-        run_jobs([task], np.zeros(1, dtype=bool), ShuffledEngine(0), print)
+        run_jobs([task], nowhere(1), ShuffledEngine(0), print)
 
 
 def test_a_sink_takes_everything_and_tells_later(tmp_path: Path) -> None:
@@ -170,27 +182,32 @@ def test_a_sink_takes_everything_and_tells_later(tmp_path: Path) -> None:
 def test_a_block_at_the_edge_is_copied_as_hdf5_would_write_it(tmp_path: Path) -> None:
     # Chunks of whole blocks; the last block is smaller, and its chunk is filled up.
     rng = np.random.default_rng(5)
-    values = {"cost": rng.normal(size=(7,)), "message": rng.integers(0, 9, 7).astype("S1000")}
+    values = {
+        "states": rng.normal(size=(7, 7, 5)),
+        "status": np.array([0, 3, 0, 0, 0, 5, 0]),
+        "iterations": rng.integers(0, 9, 7),
+        "position_error": rng.normal(size=7),
+        "peak": rng.normal(size=(7, 2)),
+        "message": rng.integers(0, 9, 7).astype("S1000"),
+    }
     pieces = (slice(0, 3), slice(3, 6), slice(6, 7))
-    path = tmp_path / "chunks.h5"
+    path, unsolved = tmp_path / "chunks.h5", dict[int, bytes]()
     with h5py.File(path, "w") as file:
         for name, array in values.items():
-            file.create_dataset(
-                name,
-                (7,),
-                array.dtype,
-                chunks=(3,),
-                shuffle=True,
-                compression="gzip",
-                compression_opts=1,
-                fletcher32=True,
-            )
+            create(file, name, array.shape, (3, *array.shape[1:]))
+        fields = {name: file[name].id for name in values}
         for piece in pieces:
             part = {name: array[piece] for name, array in values.items()}
-            raw = encoded_block(part, (3,))
-            for name, array in decoded_block(raw, part["cost"].shape, values).items():
-                assert np.array_equal(array, part[name])
-            _copy_block({name: file[name].id for name in values}, (piece,), raw)
+            block = EncodedBlock.unpacked(encoded_block(part, (3,)).packed())
+            _write_chunks(fields, (piece,), block.chunks)
+            for name in COUNTED:
+                counted = block.summary.numbers[name]
+                assert np.array_equal(counted.reshape(part[name].shape), part[name])
+            assert np.array_equal(block.summary.numbers["bank"], stations(part["states"]))
+            for place, (status, message) in block.summary.unsolved.items():
+                assert status == part["status"][place]
+                unsolved[piece.start + place] = message
+    assert unsolved == {1: values["message"][1], 5: values["message"][5]}
     with h5py.File(path) as file:
         for name, array in values.items():
             assert np.array_equal(file[name][()], array)

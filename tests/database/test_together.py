@@ -14,31 +14,41 @@ import database
 from ampi.missions.loading import parse_mission
 from ampi.missions.mission import Mission
 from ampi.scp.solve import solve
-from ampi.trajectory import Trajectory
 from ampi.workers.supervisor import Supervisor
-from database.factory.jobs import AssembleBlock, SolveCase, SolveTogether
+from database.factory.jobs import Kept, SolveCase, SolvePortion
+from database.factory.stand_in import neighbour_moved
 from database.factory.tasks import planned_tasks
-from database.plan.continuation import PlannedCase, layers
-from database.records.campaign import Campaign
+from database.plan.continuation import layers, planned
+from database.plan.prediction import corners
+from database.records.campaign import Campaign, Solver
+from database.records.reader import RecordReader
+from database.records.record_files import count_records, nowhere, record_path, recorded_cases
 
 BYTES = ("states", "bank_rate", "final_time", "cost", "target_multipliers", "status")
+
+
+def quiet(attempt: int) -> None:
+    """Nobody to announce it to."""
 
 
 @pytest.fixture
 def campaign(small_mission: Mission, tmp_path: Path) -> Campaign:
     """With the centre solved."""
     found = Campaign(small_mission.toml, tmp_path)
-    SolveCase(found, layers(found.grid)[0][0]).run(lambda attempt: None)
+    SolveCase(found, first_layers(found)[0][0]).run(quiet)
     return found
 
 
-def plan(campaign: Campaign) -> list[PlannedCase]:
-    return [planned for layer in layers(campaign.grid)[1:] for planned in layer]
+def first_layers(campaign: Campaign) -> list[tuple[int, ...]]:
+    return [tuple(planned.case for planned in layer) for layer in layers(campaign.grid)]
 
 
-def numbers(campaign: Campaign, case: int) -> dict[str, object]:
-    record = campaign.record(case)
-    assert record is not None
+def where(kept: Kept) -> dict[int, int]:
+    return {case: cases[0] for cases in kept for case in cases}
+
+
+def numbers(reader: RecordReader, case: int) -> dict[str, object]:
+    record = reader.record(case)
     found: dict[str, object] = {
         name: value.tobytes() if hasattr(value, "tobytes") else value
         for name, value in ((n, getattr(record.trajectory, n)) for n in BYTES)
@@ -47,22 +57,48 @@ def numbers(campaign: Campaign, case: int) -> dict[str, object]:
     return {**found, "message": record.message, "counts": counts}
 
 
-def test_together_or_alone_the_records_are_the_same(campaign: Campaign, tmp_path: Path) -> None:
-    alone = Campaign(campaign.toml, tmp_path / "alone")
-    alone.folder.mkdir()
-    SolveCase(alone, layers(alone.grid)[0][0]).run(lambda attempt: None)
-    for layer in layers(campaign.grid)[1:]:
-        job = SolveTogether(campaign, tuple(layer))
-        assert job.cases == tuple(planned.case for planned in layer)
-        job.run(lambda attempt: None)
-        left = job.left()
+@pytest.mark.parametrize("solver", [solve, neighbour_moved])
+def test_in_a_portion_or_alone_the_records_are_the_same(
+    small_mission: Mission, tmp_path: Path, solver: Solver
+) -> None:
+    one, alone = (Campaign(small_mission.toml, tmp_path / name, solver) for name in ("a", "b"))
+    centre, *rest = first_layers(one)
+    for campaign in (one, alone):
+        campaign.folder.mkdir()
+        SolveCase(campaign, centre[0]).run(quiet)
+    kept: Kept = (centre,)
+    for layer in rest:
+        job = SolvePortion(one, layer, where(kept))
+        assert job.cases == layer
+        found = job.run(quiet)
+        assert len(found) == 1
+        assert job.evidence(found) == record_path(one.folder, found[0][0])
+        left = job.left(found)
         assert len(left) <= len(layer) - len(layer) // 2
-        for one in left:
-            one.run(lambda attempt: None)
-        for planned in layer:
-            SolveCase(alone, planned).run(lambda attempt: None)
-    for planned in plan(campaign):
-        assert numbers(campaign, planned.case) == numbers(alone, planned.case)
+        kept += found
+        for single in left:
+            kept += single.run(quiet)
+        for case in layer:
+            SolveCase(alone, case).run(quiet)
+    for layer in rest:
+        for case in layer:
+            assert numbers(RecordReader(one, where(kept)), case) == numbers(
+                RecordReader(alone, {}), case
+            )
+
+
+def test_records_that_wait_long_are_flushed_before_the_portion_is_whole(
+    small_mission: Mission, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("database.factory.jobs.FLUSH_AFTER", 0.0)
+    campaign = Campaign(small_mission.toml, tmp_path, neighbour_moved)
+    centre, layer, _ = first_layers(campaign)
+    SolveCase(campaign, centre[0]).run(quiet)
+    kept = SolvePortion(campaign, layer).run(quiet)
+    assert kept == tuple((case,) for case in layer)
+    files, damaged = recorded_cases(tmp_path, campaign.grid.size, "")
+    assert (files[list(layer)] == layer).all()
+    assert damaged == []
 
 
 def test_what_newton_leaves_has_no_record(campaign: Campaign, tmp_path: Path) -> None:
@@ -75,62 +111,73 @@ def test_what_newton_leaves_has_no_record(campaign: Campaign, tmp_path: Path) ->
     folder = tmp_path / "portion"
     folder.mkdir()
     other = Campaign(tight, folder)
-    SolveCase(other, layers(other.grid)[0][0]).run(lambda attempt: None)
-    first = layers(other.grid)[1]
-    job = SolveTogether(other, tuple(first))
-    job.run(lambda attempt: None)
-    assert 0 < len(job.left()) < len(first)
+    centre, first, _ = first_layers(other)
+    SolveCase(other, centre[0]).run(quiet)
+    job = SolvePortion(other, first)
+    kept = job.run(quiet)
+    assert 0 < len(job.left(kept)) < len(first)
+    assert sorted([*where(kept), *(one.cases[0] for one in job.left(kept))]) == sorted(first)
 
 
 def test_a_portion_that_is_given_up_or_overdue_leaves_its_cases(campaign: Campaign) -> None:
-    job = SolveTogether(campaign, tuple(plan(campaign)[:4]))
-    job.give_up("for a reason")
-    job.without(0).run(lambda attempt: None)
-    assert job.left() == [SolveCase(campaign, planned) for planned in job.planned]
+    job = SolvePortion(campaign, first_layers(campaign)[1])
+    assert job.give_up("for a reason") == ()
+    assert job.without(0).run(quiet) == ()
+    assert job.left(()) == [SolveCase(campaign, case) for case in job.portion]
+
+
+def test_of_a_portion_in_turn_the_case_that_is_overdue_alone_is_left(
+    small_mission: Mission, tmp_path: Path
+) -> None:
+    campaign = Campaign(small_mission.toml, tmp_path, neighbour_moved)
+    centre, layer, _ = first_layers(campaign)
+    SolveCase(campaign, centre[0]).run(quiet)
+    job = SolvePortion(campaign, layer).without(1)
+    told = list[int]()
+    kept = job.run(told.append)
+    assert told == [0, 2, 3]
+    assert job.left(kept) == [SolveCase(campaign, layer[1])]
 
 
 def test_a_portion_whose_process_dies_is_left_in_the_end(campaign: Campaign) -> None:
-    job = Deadly(campaign, tuple(plan(campaign)[:4]))
+    job = Deadly(campaign, first_layers(campaign)[1])
     supervisor = Supervisor("database.factory.jobs")
-    supervisor.run(job)
+    kept = supervisor.run(job)
     supervisor.close()
-    assert job.left() == [SolveCase(campaign, planned) for planned in job.planned]
+    assert job.left(kept) == [SolveCase(campaign, case) for case in job.portion]
 
 
-class Deadly(SolveTogether):
+class Deadly(SolvePortion):
     """Kills its process."""
 
-    def compute(self, announce: object) -> Future[None]:
+    def compute(self, announce: object) -> Future[Kept]:
         os.kill(os.getpid(), signal.SIGKILL)
         raise AssertionError
 
 
-def test_portions_follow_the_width_and_other_optimisers_go_alone(small_mission: Mission) -> None:
+@pytest.mark.parametrize("solver", [solve, neighbour_moved])
+def test_portions_follow_the_width(small_mission: Mission, solver: Solver) -> None:
     text = small_mission.toml + "azimuth_deg = [-0.5, 0.0, 0.5]\n"
-    campaign = Campaign(text, Path("nowhere"))
-    nothing = np.zeros(campaign.grid.size, dtype=bool)
-    tasks = [t for t in planned_tasks(campaign, nothing, 4) if t.job.cases]
+    campaign = Campaign(text, Path("nowhere"), solver)
+    files = nowhere(campaign.grid.size)
+    tasks = [t for t in planned_tasks(campaign, files, 4) if t.job.cases]
     centre, *portions = tasks
     assert isinstance(centre.job, SolveCase)
     cases = [case for task in portions for case in task.job.cases]
-    assert sorted(cases) == sorted(p.case for p in plan(campaign))
+    assert sorted(cases) == sorted(set(range(27)) - {13})
     assert max(len(task.job.cases) for task in portions) <= 6
     solved = set(centre.job.cases)
     for task in portions:
-        assert isinstance(task.job, SolveTogether)
-        assert set(task.needs) == {n for p in task.job.planned for n in p.neighbours}
-        assert solved.issuperset(task.needs)
+        assert isinstance(task.job, SolvePortion)
+        here = planned(campaign.grid, np.array(task.job.portion))
+        needed = {n for p in here for n in p.neighbours}
+        needed |= {corner for p in here for _, corner in corners(campaign.grid, p.case)}
+        assert set(task.needs.tolist()) == needed
+        assert solved.issuperset(needed)
         solved.update(task.job.cases)
-    other = Campaign(text, Path("nowhere"), another_optimiser)
-    kept = nothing.copy()
-    kept[0] = True
-    solving = [t.job for t in planned_tasks(other, kept, 4) if not isinstance(t.job, AssembleBlock)]
-    assert len(solving) == 26
-    assert all(isinstance(job, SolveCase) for job in solving)
-
-
-def another_optimiser(mission: Mission, *, guess: Trajectory | None = None) -> Trajectory:
-    return solve(mission, guess=guess)
+    files[0] = 0
+    solving = [t.job for t in planned_tasks(campaign, files, 4) if t.job.cases]
+    assert sorted(case for job in solving for case in job.cases) == sorted(set(range(27)) - {0})
 
 
 def test_many_flight_models_are_solved_one_by_one(small_mission: Mission) -> None:
@@ -147,7 +194,7 @@ def test_what_cannot_be_solved_together_is_left_to_be_tried_alone(
     def raises(*arguments: object) -> None:
         raise FloatingPointError("one of them")
 
-    planned = tuple(layers(campaign.grid)[1])
+    layer = first_layers(campaign)[1]
     monkeypatch.setattr("database.factory.jobs.solve_family", raises)
-    SolveTogether(campaign, planned).run(lambda attempt: None)
-    assert [campaign.record(p.case) for p in planned] == [None] * len(planned)
+    assert SolvePortion(campaign, layer).run(quiet) == ()
+    assert count_records(campaign.folder) == 1
