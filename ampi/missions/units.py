@@ -109,7 +109,7 @@ def in_units(dimension: str, value: Any) -> tuple[str, Any]:
     try:
         return unit, _divided(value, UNITS[dimension][unit])
     except (ArithmeticError, TypeError):  # of what is no number the section will tell
-        return si_key(dimension), _plain(value)
+        return si_key(dimension), value
 
 
 def _divided(value: Any, factor: float) -> Any:
@@ -122,10 +122,6 @@ def _divided(value: Any, factor: float) -> Any:
         if number * factor == value and math.isfinite(number):
             return number
     raise ArithmeticError(f"{value!r} is no float times {factor!r}")
-
-
-def _plain(value: Any) -> Any:
-    return [_plain(item) for item in value] if isinstance(value, tuple) else value
 
 
 def symbol(unit: str) -> str:
@@ -216,14 +212,15 @@ class Section(BaseModel):
         ValueError
             If the section has no such field.
         """
-        unknown = set(update or ()) - set(type(self).model_fields)
+        fields = type(self).model_fields
+        unknown = [name for name in update or () if name not in fields]
         if unknown:
             raise ValueError(
-                f"update: expected fields of {type(self).__name__} "
-                f"({', '.join(type(self).model_fields)}), got {', '.join(sorted(unknown))}"
+                f"update: expected fields of {type(self).__name__} ({', '.join(fields)}), "
+                f"got {', '.join(unknown)}"
             )
         copied = super().model_copy(update=update, deep=deep)
-        for derived in set(copied.__dict__) - set(type(self).model_fields):
+        for derived in [name for name in copied.__dict__ if name not in fields]:
             del copied.__dict__[derived]
         return copied
 
