@@ -69,7 +69,7 @@ def test_audit_in_words_and_in_json(folder: Path) -> None:
 
 
 def test_fly_gives_the_footprint_ratio_in_json_too(folder: Path) -> None:
-    options = ("-n", "60", "--modes", "nominal,ampi")
+    options = ("-n", "60", "--modes", "nominal,ampi", "-j", "1")
     written = run("fly", "small.h5", *options, "--output", "two.npz", cwd=folder).stdout
     numbers = json.loads(run("fly", "small.h5", *options, "--json", cwd=folder).stdout)
     assert numbers["nominal"]["footprint_ratio"] is None
@@ -150,7 +150,7 @@ def test_fly_and_report(folder: Path) -> None:
     assert len(rows) == 1 + 4 * 20
     assert rows[0].startswith("campaign,flight,speed_m_per_s,flight_path_angle_deg,outside_")
     numbers = json.loads(
-        run("fly", "small.h5", "-n", "20", "--modes", "ampi", "--json", cwd=folder).stdout
+        run("fly", "small.h5", "-n", "20", "--modes", "ampi", "-j", "1", "--json", cwd=folder).stdout
     )
     assert numbers["ampi"]["n"] == 20
     assert numbers["ampi"]["drawn"] == drawn
