@@ -106,12 +106,12 @@ def _convergence_rows(case: str, found: Solution, same: dict[str, Any]) -> list[
     printed = "6" if case == "minimum time" else "–"
     judged = "converged" if case == "maximum range" else "≤ 6"  # not a case of the paper's
     few = same["status"] == "SOLVED" and (iterations <= 6 or case == "maximum range")
-    error = same["end_error"]
+    error, turns = same["end_error"], _turns(found)
     return [
         Row(f"{case}: iterations", printed, f"{iterations} ({same['status']})", "", judged, few),
         Row(f"{case}: loose nodes of 201", "at reversals", str(len(loose)), "",
             "only at reversals", set(loose) <= set(_reversals(found)),
-            f"{_turns(found)} reversals"),
+            f"{turns} reversal{'s' * (turns != 1)}"),
         Row(f"{case}: re-integrated altitude, speed", "–",
             f"{error['altitude_m']:.0f} m, {error['speed_m_per_s']:.1f} m/s", ""),
     ]  # fmt: skip

@@ -150,7 +150,9 @@ def test_fly_and_report(folder: Path) -> None:
     assert len(rows) == 1 + 4 * 20
     assert rows[0].startswith("campaign,flight,speed_m_per_s,flight_path_angle_deg,outside_")
     numbers = json.loads(
-        run("fly", "small.h5", "-n", "20", "--modes", "ampi", "-j", "1", "--json", cwd=folder).stdout
+        run(
+            "fly", "small.h5", "-n", "20", "--modes", "ampi", "-j", "1", "--json", cwd=folder
+        ).stdout
     )
     assert numbers["ampi"]["n"] == 20
     assert numbers["ampi"]["drawn"] == drawn
