@@ -16,14 +16,12 @@ FUNCTION_LINES = 60  # its docstring included
 # what is open still; the lists may only shrink
 LONG_FILES = {
     "ampi/scp/condensed/family.py",
-    "ampi/scp/literature/successive.py",
     "database/build.py",
 }
 LONG_FUNCTIONS = {
     "ampi.scp.condensed.quadratic_model.quadratic_subproblem",
     "ampi.scp.condensed.subproblem.solve_subproblem",
     "ampi.scp.condensed.subproblem_cvxpy.solve_subproblem_cvxpy",
-    "ampi.scp.literature.sparse_subproblem_cvxpy.solve_sparse_subproblem_cvxpy",
     "database.build.build",
     "database.file.blocks.assemble",
     "database.rerun.rerun",

@@ -26,7 +26,7 @@ from ampi.scp.refinement import RefinementSettings, refine
 from ampi.trajectory import Status, Trajectory
 
 if TYPE_CHECKING:
-    from ampi.scp.literature.successive import Solver
+    from ampi.scp.literature.successive import SubproblemSolver
 
 
 def solve(
@@ -36,7 +36,7 @@ def solve(
     guess: Trajectory | ConstantBank | None = None,
     settings: SolverSettings | None = None,
     refinement: RefinementSettings | None = None,
-    subproblem: Solver | None = None,
+    subproblem: SubproblemSolver | None = None,
 ) -> Trajectory:
     """Solve a mission's optimal control problem.
 
@@ -93,7 +93,7 @@ def optimum(
     guess: Trajectory | ConstantBank | None = None,
     settings: SolverSettings | None = None,
     refinement: RefinementSettings | None = None,
-    subproblem: Solver | None = None,
+    subproblem: SubproblemSolver | None = None,
 ) -> Trajectory:
     """`solve` without the flight: for who flies many optima at once. All it says is of the nodes."""
     _refuse_other_kinds(mission, guess, settings, refinement)
@@ -203,7 +203,7 @@ def _refuse_other_kinds(mission: Any, guess: Any, settings: Any, refinement: Any
 
 
 def _by_the_literature(
-    mission: Mission, method: str, guess: ConstantBank | None, subproblem: Solver | None
+    mission: Mission, method: str, guess: ConstantBank | None, subproblem: SubproblemSolver | None
 ) -> Trajectory:
     # imported when asked for: the workers of a build wait for their imports, and never ask
     from ampi.scp.literature.methods import METHODS, solve_by

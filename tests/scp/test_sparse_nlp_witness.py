@@ -23,7 +23,8 @@ from ampi.physics.state import ENTRY_STATES
 from ampi.pseudospectral.mesh import Mesh
 from ampi.scp.literature.methods import METHODS, Solution, solve_by
 from ampi.scp.literature.starts import Start, straight_line
-from ampi.scp.literature.successive import Iterate, StateChange, StateTrustRegion
+from ampi.scp.literature.subproblem_builder import MeshIterate, StateTrustRegion
+from ampi.scp.literature.successive import StateChange
 from ampi.trajectory import Status
 
 Array = NDArray[np.float64]
@@ -109,7 +110,7 @@ def state_bounds(mission: Mission, entry: Array, n: int) -> tuple[Array, Array]:
     return low, high
 
 
-def witness(mission: Mission, asked: Transcription, at: Iterate) -> Optimum:
+def witness(mission: Mission, asked: Transcription, at: MeshIterate) -> Optimum:
     """Solve the transcription on the mesh of `at`, starting there."""
     n = len(at.states)
     node, weight = node_functions(mission)

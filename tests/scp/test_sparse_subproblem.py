@@ -31,7 +31,7 @@ def first(name: str) -> SparseSubproblem:
     assert start is not None
     successive = _assemble(mission, method, start.formulation, solve_sparse_subproblem)
     rule = method.transcribe(start.iterate.mesh)
-    return successive.linearised.subproblem(rule, start.iterate, 0.1)
+    return successive.builder.subproblem(rule, start.iterate, 0.1)
 
 
 @pytest.mark.parametrize("name", ["zhou2021", "liu2015", "wang2020", "liu2024"])

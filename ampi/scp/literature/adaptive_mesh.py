@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from ampi.propagation.fixed_step import rk4_step
 from ampi.scp.literature.collocation import line_mesh
 from ampi.scp.literature.formulation import Formulation
-from ampi.scp.literature.successive import Iterate
+from ampi.scp.literature.subproblem_builder import MeshIterate
 
 Array = NDArray[np.float64]
 
@@ -35,7 +35,7 @@ class LocalErrorAdaptation:
     units: tuple[float, ...] = ()  # SI or rad per unit of the error norm, per state
     most_nodes: int = 400  # cap: above it the worst intervals alone are cut
 
-    def __call__(self, formulation: Formulation, at: Iterate) -> Iterate:
+    def __call__(self, formulation: Formulation, at: MeshIterate) -> MeshIterate:
         """The iterate on its adapted mesh, remapped by linear interpolation (Step 6)."""
         error = local_errors(formulation, at, np.array(self.units))
         fractions = node_fractions(at)
@@ -47,7 +47,7 @@ class LocalErrorAdaptation:
         adapted = np.union1d(fractions[keep], middle)
         if np.array_equal(adapted, fractions):
             return at
-        return Iterate(
+        return MeshIterate(
             line_mesh(adapted),
             _interpolate(adapted, fractions, at.states),
             _interpolate(adapted, fractions, at.controls),
@@ -66,7 +66,7 @@ def _every_second(candidate: NDArray[np.bool_]) -> NDArray[np.bool_]:
     return candidate & (place % 2 == 1)
 
 
-def node_fractions(at: Iterate) -> Array:
+def node_fractions(at: MeshIterate) -> Array:
     """Nodes as fractions of the flight, from exactly 0 to exactly 1."""
     fixed, free = at.mesh.node_time
     fractions = (fixed + free * at.final) / at.final
@@ -78,7 +78,7 @@ def _interpolate(new: Array, old: Array, values: Array) -> Array:
     return np.column_stack([np.interp(new, old, column) for column in values.T])
 
 
-def runge_kutta(formulation: Formulation, at: Iterate, states: Array, j: slice | int) -> Array:
+def runge_kutta(formulation: Formulation, at: MeshIterate, states: Array, j: slice | int) -> Array:
     """One classical Runge–Kutta step over the intervals `j`, from `states` at their beginnings."""
     s = at.mesh.times(at.final)
     begin, length = s[:-1][j], np.diff(s)[j]
@@ -92,7 +92,7 @@ def runge_kutta(formulation: Formulation, at: Iterate, states: Array, j: slice |
     return rk4_step(rates, np.atleast_2d(states), before, after, begin, length)
 
 
-def local_errors(formulation: Formulation, at: Iterate, units: Array) -> Array:
+def local_errors(formulation: Formulation, at: MeshIterate, units: Array) -> Array:
     """Δ_j of Eq. (1) at the nodes but the first."""
     flown = runge_kutta(formulation, at, at.states[:-1], slice(None))
     difference = (flown - at.states[1:]) * formulation.state_scale / units
@@ -100,7 +100,7 @@ def local_errors(formulation: Formulation, at: Iterate, units: Array) -> Array:
         return np.asarray(np.linalg.norm(difference, axis=1))
 
 
-def global_error(formulation: Formulation, at: Iterate) -> Array:
+def global_error(formulation: Formulation, at: MeshIterate) -> Array:
     """Δx_f = x̄_f − x_f of Eq. (41), SI or rad (n_x,)."""
     state = at.states[:1]
     for j in range(len(at.states) - 1):

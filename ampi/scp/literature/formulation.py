@@ -176,10 +176,11 @@ class TracedFunctions:
             *(g, ca.jacobian(g, x), ca.jacobian(g, s)),
             *(integrand, ca.jacobian(integrand, x), ca.jacobian(integrand, u), curvature),
         ]
-        along_f, along_l = ca.SX.sym("mu", f.numel()), ca.SX.sym("w", integrand.numel())
-        hamiltonian: Any = ca.dot(along_l, integrand) + ca.dot(along_f, f)
-        bend: Any = ca.diag(ca.hessian(hamiltonian, x)[0])
-        self._bend = ca.Function("bend", [x, u, s, along_f, along_l], [ca.densify(bend)])
+        costates, weights = ca.SX.sym("mu", f.numel()), ca.SX.sym("w", integrand.numel())
+        hamiltonian: Any = ca.dot(weights, integrand) + ca.dot(costates, f)
+        diagonal: Any = ca.diag(ca.hessian(hamiltonian, x)[0])
+        arguments = [x, u, s, costates, weights]
+        self._curvature = ca.Function("curvature", arguments, [ca.densify(diagonal)])
         self._all = ca.Function("all", [x, u, s], [ca.densify(o) for o in outputs])
         self._rates = ca.Function("rates", [x, u, s], [ca.densify(f)])
         self._limits = ca.Function("limits", [x, u, s], [ca.densify(g)])
@@ -199,9 +200,9 @@ class TracedFunctions:
         """g at n points, (n, k)."""
         return np.array(self._map(self._limits, len(x))(x.T, u.T, s[None])).T
 
-    def curvature(self, x: Array, u: Array, s: Array, along_f: Array, along_l: Array) -> Array:
+    def curvature(self, x: Array, u: Array, s: Array, mu: Array, w: Array) -> Array:
         """∂²(w·l + μ·f)/∂x_k² at n points with μ (n, n_x), w (n, m): (n, n_x)."""
-        return np.array(self._map(self._bend, len(x))(x.T, u.T, s[None], along_f.T, along_l.T)).T
+        return np.array(self._map(self._curvature, len(x))(x.T, u.T, s[None], mu.T, w.T)).T
 
     def linearise(self, x: Array, u: Array, s: Array) -> Linearisation:
         """Everything at n points."""

@@ -33,12 +33,13 @@ from numpy.typing import NDArray
 from ampi.missions.final_states import TargetMiss
 from ampi.missions.mission import Mission
 from ampi.missions.path_limits import KEPT
+from ampi.physics.state import LOADS
 from ampi.pseudospectral.mesh import Mesh
 from ampi.scp.literature.acceleration import AitkenRelaxation
 from ampi.scp.literature.adaptive_mesh import LocalErrorAdaptation, global_error
 from ampi.scp.literature.collocation import Collocation, line_mesh, radau, trapezoid
 from ampi.scp.literature.formulation import Formulation
-from ampi.scp.literature.modified_hp import ModifiedHpSettings, Refined, Round, refine
+from ampi.scp.literature.modified_hp import ModifiedHpSettings, Refined, Round, refine_and_reduce
 from ampi.scp.literature.sparse_subproblem import solve_sparse_subproblem
 from ampi.scp.literature.starts import (
     Start,
@@ -48,17 +49,20 @@ from ampi.scp.literature.starts import (
     typical_cost,
     uniform,
 )
+from ampi.scp.literature.subproblem_builder import (
+    MeshIterate,
+    Prices,
+    StateTrustRegion,
+    SubproblemBuilder,
+)
 from ampi.scp.literature.successive import (
     Convergence,
+    Ending,
     GlobalErrorChange,
-    Iterate,
-    Linearised,
-    Prices,
     Run,
-    Solver,
     StateChange,
-    StateTrustRegion,
     SubproblemRecord,
+    SubproblemSolver,
     Successive,
     VariableQuadraticPenalty,
 )
@@ -70,7 +74,6 @@ DEGREE = float(np.pi / 180.0)
 EARTH_RADIUS = 6378137.0  # m, R₀ of the papers
 CIRCULAR_SPEED = 7905.4  # m/s, √(g₀ R₀)
 TIME_UNIT = 806.81  # s, √(R₀/g₀)
-INFINITE = (np.inf,) * 7
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -101,13 +104,13 @@ class Solution:
 
     trajectory: Trajectory
     formulation: Formulation
-    iterate: Iterate
+    iterate: MeshIterate
     log: tuple[SubproblemRecord, ...]
     rounds: tuple[Round, ...]
 
 
 def solve_by(
-    mission: Mission, method: Method, solver: Solver = solve_sparse_subproblem
+    mission: Mission, method: Method, solver: SubproblemSolver = solve_sparse_subproblem
 ) -> Solution | None:
     """Solve a mission by a method of the literature; None if its guess cannot be flown."""
     began = time.perf_counter()
@@ -117,26 +120,26 @@ def solve_by(
     successive = _assemble(mission, method, start.formulation, solver)
     if method.refinement is None:
         run = successive.run(start.iterate)
-        refined = Refined(run, (), run.status)
+        refined = Refined(run, (), run.ending)
         log = run.log
     else:
         logs: list[SubproblemRecord] = []
 
-        def solve_on(at: Iterate) -> Run:
+        def solve_on(at: MeshIterate) -> Run:
             run = successive.run(at)
             logs.extend(run.log)
             return run
 
-        refined = refine(start.formulation, solve_on, start.iterate, method.refinement)
+        refined = refine_and_reduce(start.formulation, solve_on, start.iterate, method.refinement)
         log = tuple(logs)
     trajectory = _trajectory(mission, successive, refined, log, time.perf_counter() - began)
     return Solution(trajectory, start.formulation, refined.run.iterate, log, refined.rounds)
 
 
 def _assemble(
-    mission: Mission, method: Method, formulation: Formulation, solver: Solver
+    mission: Mission, method: Method, formulation: Formulation, solver: SubproblemSolver
 ) -> Successive:
-    linearised = Linearised(
+    builder = SubproblemBuilder(
         formulation=formulation,
         trust_region=method.trust_region,
         prices=method.prices,
@@ -147,7 +150,7 @@ def _assemble(
         curved_states=method.curved_states,
     )
     return Successive(
-        linearised=linearised,
+        builder=builder,
         transcribe=method.transcribe,
         convergence=method.convergence,
         max_iterations=method.max_iterations,
@@ -166,16 +169,16 @@ def _trajectory(
     log: tuple[SubproblemRecord, ...],
     seconds: float,
 ) -> Trajectory:
-    linearised, at = successive.linearised, refined.run.iterate
-    form = linearised.formulation
+    builder, at = successive.builder, refined.run.iterate
+    form = builder.formulation
     flight = form.trajectory(at.mesh, at.states, at.controls, at.final)
     lin = form.linearise(at.mesh, at.states, at.controls, at.final)
     excess = dict(zip(form.limit_names, np.maximum(lin.limits.max(axis=0) - 1.0, 0.0), strict=True))
-    cost = linearised.cost(successive.transcribe(at.mesh), at)
+    cost = builder.cost(successive.transcribe(at.mesh), at)
     records = tuple(
         IterationRecord(
             iteration=k,
-            cost=_mission_cost(linearised, row.cost, row.final),
+            cost=_mission_cost(builder, row.cost, row.final),
             merit=np.nan,
             step=float(np.max(np.array(row.change)[1:3])),
             final_time=row.final,
@@ -186,37 +189,40 @@ def _trajectory(
         )
         for k, row in enumerate(log, start=1)
     )
-    three = tuple(float(excess[k]) for k in ("dynamic_pressure", "heat_flux", "load_factor"))
     statistics = Statistics(
         iterations=len(log),
         solve_seconds=seconds,
         subproblem_seconds=sum(row.seconds for row in log),
-        limit_excess=(three[0], three[1], three[2]),
+        limit_excess=tuple(float(excess[name]) for name in LOADS),
         log=records,
     )
     return replace(
         flight,
-        cost=_mission_cost(linearised, cost, at.final),
-        status=_status(mission, refined.status, flight, float(np.max(list(excess.values())))),
+        cost=_mission_cost(builder, cost, at.final),
+        status=_status(mission, refined.ending, flight, float(np.max(list(excess.values())))),
         statistics=statistics,
     )
 
 
-def _mission_cost(linearised: Linearised, cost: float, final: float) -> float:
+def _mission_cost(builder: SubproblemBuilder, cost: float, final: float) -> float:
     """In the mission's units: a cost over ∫ dτ is a mean over the flight, the mission's is not."""
-    return cost * (final if linearised.frozen_time else 1.0) / linearised.cost_scale
+    return cost * (final if builder.frozen_time else 1.0) / builder.cost_scale
 
 
-def _status(mission: Mission, ended: str, flight: Trajectory, excess: float) -> Status:
-    if ended == "iteration limit":
-        return Status.ITERATION_LIMIT
-    if ended.startswith("subproblem"):
-        return Status.SUBPROBLEM_FAILED
+_STATUS = {  # of a run that did not converge; others are judged by their limits and their end
+    Ending.ITERATION_LIMIT: Status.ITERATION_LIMIT,
+    Ending.SUBPROBLEM_FAILED: Status.SUBPROBLEM_FAILED,
+}
+
+
+def _status(mission: Mission, ended: Ending, flight: Trajectory, excess: float) -> Status:
+    if ended in _STATUS:
+        return _STATUS[ended]
     if not excess <= KEPT:  # NaN too
         return Status.LIMITS_EXCEEDED
     if not TargetMiss.of(mission, flight.states[:, -1]).is_met:
         return Status.TARGET_MISSED
-    return Status.REFINEMENT_LIMIT if ended == "cap" else Status.SOLVED
+    return Status.REFINEMENT_LIMIT if ended is Ending.MESH_LIMIT else Status.SOLVED
 
 
 def loose_nodes(solution: Solution, tolerance: float = 1e-3) -> NDArray[np.intp]:

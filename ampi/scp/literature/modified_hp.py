@@ -35,7 +35,8 @@ from ampi.pseudospectral.lagrange import barycentric_weights, interpolation_matr
 from ampi.pseudospectral.mesh import Mesh, Phase
 from ampi.scp.literature.birkhoff import birkhoff_error, chebyshev_gauss_lobatto
 from ampi.scp.literature.formulation import Formulation
-from ampi.scp.literature.successive import Iterate, Run
+from ampi.scp.literature.subproblem_builder import MeshIterate
+from ampi.scp.literature.successive import Ending, Run
 
 Array = NDArray[np.float64]
 
@@ -77,7 +78,7 @@ class Round:
     iterations: int
     error: float  # greatest Birkhoff error over the tolerance
     excess: float  # greatest relative excess of a limit, between the nodes
-    phase: str  # "refinement" or "reduction"
+    is_reduction: bool  # of the mesh; otherwise a refinement
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,13 +87,13 @@ class Refined:
 
     run: Run
     rounds: tuple[Round, ...]
-    status: str  # "converged", "cap", or the status of a run that failed
+    ending: Ending
 
 
-def refine(
+def refine_and_reduce(
     formulation: Formulation,
-    solve_on: Callable[[Iterate], Run],
-    start: Iterate,
+    solve_on: Callable[[MeshIterate], Run],
+    start: MeshIterate,
     settings: ModifiedHpSettings,
 ) -> Refined:
     """Algorithm 2: solve, refine until the error is met, then reduce while it stays so."""
@@ -100,8 +101,8 @@ def refine(
     run, reducing = solve_on(start), False
     kept: Run | None = None
     while True:
-        look = Look(formulation, run.iterate, settings)
-        error, excess = look.errors(), look.excesses()
+        seen = BetweenNodes(formulation, run.iterate, settings)
+        error, excess = seen.errors(), seen.excesses()
         good = bool(error.max() <= 1.0 and excess.max() <= settings.limit_tolerance)
         rounds.append(
             Round(
@@ -110,32 +111,34 @@ def refine(
                 iterations=len(run.log),
                 error=float(error.max()),
                 excess=float(excess.max()),
-                phase="reduction" if reducing else "refinement",
+                is_reduction=reducing,
             )
         )
-        if reducing or run.status != "converged":
-            better = run.status == "converged" and good
+        if reducing or run.ending is not Ending.CONVERGED:
+            better = run.ending is Ending.CONVERGED and good
             last = run if better or kept is None else kept
-            return Refined(last, tuple(rounds), "converged" if kept else run.status)
+            return Refined(last, tuple(rounds), Ending.CONVERGED if kept else run.ending)
         if good:
             kept, reducing = run, settings.reduce
-        pieces = look.reduced(excess) if reducing else look.refined(error, excess)
-        if pieces == look.pieces:
-            return Refined(run, tuple(rounds), "converged" if good else "cap")
+        pieces = seen.reduced(excess) if reducing else seen.refined(error, excess)
+        if pieces == seen.pieces:
+            return Refined(run, tuple(rounds), Ending.CONVERGED if good else Ending.MESH_LIMIT)
         mesh = _mesh(pieces)
         late = time.perf_counter() - began > settings.max_seconds
         large = mesh.n_nodes > settings.max_nodes or len(pieces) > settings.max_segments
         if late or large or len(rounds) >= settings.max_rounds:
-            return Refined(kept or run, tuple(rounds), "converged" if kept else "cap")
+            return Refined(
+                kept or run, tuple(rounds), Ending.CONVERGED if kept else Ending.MESH_LIMIT
+            )
         run = solve_on(_on_mesh(run.iterate, mesh))
 
 
 @dataclass(frozen=True, eq=False)
-class Look:
+class BetweenNodes:
     """A solution seen between its nodes."""
 
     formulation: Formulation
-    at: Iterate
+    at: MeshIterate
     settings: ModifiedHpSettings
 
     @property
@@ -242,7 +245,7 @@ def _mesh(pieces: list[Piece]) -> Mesh:
     return Mesh((Phase(tuple(piece.degree for piece in pieces), None, cuts),))
 
 
-def _on_mesh(at: Iterate, mesh: Mesh) -> Iterate:
+def _on_mesh(at: MeshIterate, mesh: Mesh) -> MeshIterate:
     """The same flight on another mesh, by its own polynomials."""
     matrix = at.mesh.conversion(mesh.times(at.final), at.final)
-    return Iterate(mesh, matrix @ at.states, matrix @ at.controls, at.final)
+    return MeshIterate(mesh, matrix @ at.states, matrix @ at.controls, at.final)

@@ -68,7 +68,7 @@ class SparseSubproblem:
     trust_price: float | None  # c_η; None: a fixed region
     limit_rows: sparse.csr_array  # (G_x, ·, G_s): (g, N)
     limit_room: Array  # 1 − g (g,)
-    limit_kind: NDArray[np.intp]  # (g,)
+    limit_index: NDArray[np.intp]  # (g,)
     n_limits: int
     limit_price: float
     gradient: Array  # q (N,)
@@ -205,7 +205,7 @@ def _inequalities(p: SparseSubproblem) -> tuple[sparse.csr_array, Array]:
     radius = np.tile(p.trust_radius, p.n_nodes)[p.trust_rows]
     column = sparse.csr_array(-radius[:, None])
     m, slacks = len(p.limit_room), len(p.target)
-    kinds = sparse.csr_array((-np.ones(m), (np.arange(m), p.limit_kind)), shape=(m, p.n_limits))
+    kinds = sparse.csr_array((-np.ones(m), (np.arange(m), p.limit_index)), shape=(m, p.n_limits))
     terms = sparse.vstack([sparse.csr_array((0, p.width)), *(t.rows for t in p.absolute)])
     offset = np.concatenate([[], *(t.offset for t in p.absolute)])
     no = -sparse.eye_array(p.n_absolute)

@@ -13,6 +13,7 @@ step, with any conic solver that cvxpy knows. It is also the place for a convex 
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any
 
 import cvxpy as cp
@@ -45,62 +46,83 @@ def solve_sparse_subproblem_cvxpy(
     """
     if solver not in cp.installed_solvers():
         raise ValueError(f"solver: expected one of {cp.installed_solvers()}, got {solver!r}")
-    p = problem
+    p, change = problem, cp.Variable(problem.width, name="change")
+    slacks = _Slacks.of(p)
     n, n_x, n_u = p.n_nodes, p.n_states, p.n_controls
-    change = cp.Variable(p.width, name="change")
-    relaxation = cp.Variable(nonneg=True, name="eta")
-    miss = cp.Variable(len(p.target), nonneg=True, name="v")
-    excess = cp.Variable(p.n_limits, nonneg=True, name="p")
     dx = cp.reshape(change[: n * n_x], (n, n_x), order="C")
     du = cp.reshape(change[n * n_x : -1], (n, n_u), order="C")
-
-    # cvxpy overloads numpy's operators; type checkers see arrays where it builds expressions.
-    change_: Any = change
-    cost: Any = p.gradient @ change + 0.5 * (p.curvature @ cp.square(change))
-    cost += np.array([t.price for t in p.target]) @ miss + p.limit_price * cp.sum(excess)
-    for term in p.absolute:
-        cost += cp.norm1(term.offset + term.rows @ change)
-    trusted = change_[p.trust_rows]
-    radius = np.tile(p.trust_radius, n)[p.trust_rows]
-    above, below = np.isfinite(p.upper), np.isfinite(p.lower)
-    constraints: list[Any] = [
-        p.dynamics @ change_ == -p.residual,
-        change_[p.fixed] == p.fixed_change,
-        cp.abs(trusted) <= relaxation * radius,
-        change_[above] <= p.upper[above],
-        change_[below] >= p.lower[below],
-        p.limit_rows @ change_ <= p.limit_room + excess[p.limit_kind],
-    ]
-    for k, held in enumerate(p.target):
-        constraints.append(dx[n - 1, held.state] <= held.upper + miss[k])
-        constraints.append(dx[n - 1, held.state] >= held.lower - miss[k])
-    if p.trust_price is None:
-        constraints.append(relaxation == 1.0)
-    else:
-        cost += p.trust_price * relaxation
-    if p.control_cone:
-        constraints.append(cp.norm(p.controls + du, axis=1) <= 1.0)
+    constraints = _constraints(p, change, dx, du, slacks)
     if extra_constraints is not None:
         constraints.extend(extra_constraints(p.states + dx, p.controls + du))
-    program = cp.Problem(cp.Minimize(cost), constraints)
+    program = cp.Problem(cp.Minimize(_cost(p, change, slacks)), constraints)
     try:
         program.solve(solver=solver)
     except cp.error.SolverError:  # the solver gave up: an outcome, not a misuse
         return _unsolved(p, ConeStatus.NUMERICAL_ERROR)
-    if change.value is None or relaxation.value is None:
-        return _unsolved(p, ConeStatus.of_cvxpy(program.status))
+    status = ConeStatus.of_cvxpy(program.status)
+    if change.value is None or slacks.relaxation.value is None:
+        return _unsolved(p, status)
     value = np.asarray(change.value)
     return SparseStep(
         states=value[: n * n_x].reshape(n, n_x),
         controls=value[n * n_x : -1].reshape(n, n_u),
         final=float(value[-1]),
-        relaxation=float(relaxation.value),
-        target_slack=np.maximum(np.asarray(miss.value), 0.0),
-        limit_slack=np.maximum(np.asarray(excess.value), 0.0),
+        relaxation=float(slacks.relaxation.value),
+        target_slack=np.maximum(np.asarray(slacks.miss.value), 0.0),
+        limit_slack=np.maximum(np.asarray(slacks.excess.value), 0.0),
         dynamics_multipliers=np.asarray(constraints[0].dual_value).reshape(-1, n_x),
         objective=float(program.value),
-        status=ConeStatus.of_cvxpy(program.status),
+        status=status,
     )
+
+
+@dataclass(frozen=True, eq=False)
+class _Slacks:
+    """η, v and p of Eq. (1)."""
+
+    relaxation: Any
+    miss: Any
+    excess: Any
+
+    @classmethod
+    def of(cls, p: SparseSubproblem) -> _Slacks:
+        """Variables of a subproblem."""
+        return cls(
+            cp.Variable(nonneg=True, name="eta"),
+            cp.Variable(len(p.target), nonneg=True, name="v"),
+            cp.Variable(p.n_limits, nonneg=True, name="p"),
+        )
+
+
+# cvxpy overloads numpy's operators; type checkers see arrays where it builds expressions.
+def _cost(p: SparseSubproblem, change: Any, slacks: _Slacks) -> Any:
+    cost = p.gradient @ change + 0.5 * (p.curvature @ cp.square(change))
+    cost += np.array([t.price for t in p.target]) @ slacks.miss
+    cost += p.limit_price * cp.sum(slacks.excess)
+    for term in p.absolute:
+        cost += cp.norm1(term.offset + term.rows @ change)
+    return cost if p.trust_price is None else cost + p.trust_price * slacks.relaxation
+
+
+def _constraints(p: SparseSubproblem, change: Any, dx: Any, du: Any, slacks: _Slacks) -> list[Any]:
+    radius = np.tile(p.trust_radius, p.n_nodes)[p.trust_rows]
+    above, below = np.isfinite(p.upper), np.isfinite(p.lower)
+    found: list[Any] = [
+        p.dynamics @ change == -p.residual,
+        change[p.fixed] == p.fixed_change,
+        cp.abs(change[p.trust_rows]) <= slacks.relaxation * radius,
+        change[above] <= p.upper[above],
+        change[below] >= p.lower[below],
+        p.limit_rows @ change <= p.limit_room + slacks.excess[p.limit_index],
+    ]
+    for k, held in enumerate(p.target):
+        found.append(dx[-1, held.state] <= held.upper + slacks.miss[k])
+        found.append(dx[-1, held.state] >= held.lower - slacks.miss[k])
+    if p.trust_price is None:
+        found.append(slacks.relaxation == 1.0)
+    if p.control_cone:
+        found.append(cp.norm(p.controls + du, axis=1) <= 1.0)
+    return found
 
 
 def _unsolved(p: SparseSubproblem, status: ConeStatus) -> SparseStep:

@@ -25,7 +25,7 @@ from ampi.scp.literature.collocation import line_mesh, trapezoid
 from ampi.scp.literature.energy_domain import EnergyDomain
 from ampi.scp.literature.energy_guess import lifted_lines
 from ampi.scp.literature.formulation import Formulation
-from ampi.scp.literature.successive import Iterate
+from ampi.scp.literature.subproblem_builder import MeshIterate
 from ampi.scp.literature.time_domain import TimeDomain
 
 DEGREE = float(np.pi / 180.0)
@@ -41,7 +41,7 @@ class Start:
     """A formulation and the iterate that the method begins with."""
 
     formulation: Formulation
-    iterate: Iterate
+    iterate: MeshIterate
 
 
 def straight_line(points: int, flight_time: float) -> Callable[[Mission], Start | None]:
@@ -62,7 +62,7 @@ def straight_line(points: int, flight_time: float) -> Callable[[Mission], Start 
             last[[LONGITUDE, AZIMUTH]], first[[LONGITUDE, AZIMUTH]]
         )
         states = (first + (last - first) * tau[:, None]) / form.state_scale
-        iterate = Iterate(line_mesh(tau), states, np.zeros((points, 1)), flight_time)
+        iterate = MeshIterate(line_mesh(tau), states, np.zeros((points, 1)), flight_time)
         return Start(form, iterate)
 
     return start
@@ -80,7 +80,7 @@ def flown(mesh: Mesh) -> Callable[[Mission], Start | None]:
         if nodal is None:
             return None
         states = nodal.states / form.state_scale
-        return Start(form, Iterate(mesh, states, np.zeros((len(states), 1)), nodal.final_time))
+        return Start(form, MeshIterate(mesh, states, np.zeros((len(states), 1)), nodal.final_time))
 
     return start
 
@@ -94,14 +94,14 @@ def over_energy(points: int) -> Callable[[Mission], Start | None]:
             return None
         tau = np.linspace(0.0, 1.0, points)
         states = lifted_lines(form, level, tau * form.energy_range) / form.state_scale
-        iterate = Iterate(line_mesh(tau), states, np.zeros((points, 2)), form.energy_range)
+        iterate = MeshIterate(line_mesh(tau), states, np.zeros((points, 2)), form.energy_range)
         side = SIDE_SHARE * (_objective(form, iterate) or typical_cost(mission))
         return Start(replace(form, side_weight=side), iterate)
 
     return start
 
 
-def _objective(form: EnergyDomain, at: Iterate) -> float:
+def _objective(form: EnergyDomain, at: MeshIterate) -> float:
     """Size of the mission's objective along a guess; without control, Eq. (3) adds nothing to it."""
     integrals = (
         trapezoid(at.mesh).weights(at.final)
