@@ -32,7 +32,7 @@ def test_a_choice_is_one_of_its_values() -> None:
     assert one_of(HOLES, "fly", "--holes") == "fly"
     with pytest.raises(ValueError, match="--holes: expected refuse or fly, got 'Fly'"):
         one_of(HOLES, "Fly", "--holes")
-    with pytest.raises(ValueError, match="paper: expected one of zhou2021, liu2015, .*, got ''"):
+    with pytest.raises(ValueError, match=r"paper: expected one of zhou2021, liu2015, .*, got ''"):
         one_of(PAPERS, "", "paper")
 
 
