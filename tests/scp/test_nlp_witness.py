@@ -256,7 +256,8 @@ def test_an_optimum_on_the_heat_flux_limit(mission: Mission, nominal: Trajectory
     ours = optimum(cool, guess=GUESS)
     assert ours.status is Status.SOLVED
     assert ours.cost > 5.0 * nominal.cost
-    assert_the_same(ours, nlp(cool, flown(cool, -30.0), bank=ours.states[6]))
+    # from −30° IPOPT may end, by the last digits of the nodes, at a local optimum that costs 30 % more
+    assert_the_same(ours, nlp(cool, flown(cool, -20.0), bank=ours.states[6]))
 
 
 def test_the_smallest_excess_of_a_hopeless_limit(mission: Mission, nominal: Trajectory) -> None:
