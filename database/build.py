@@ -39,7 +39,7 @@ from ampi.propagation.reintegration import flown_again
 from ampi.scp.condensed.exact_hessian import SolverSettings
 from ampi.scp.problem.capabilities import check
 from ampi.scp.problem.scaled_problem import OptimalControlProblem
-from ampi.scp.problem.shortfall import verdict
+from ampi.scp.problem.shortfall import outcome_sentence
 from ampi.scp.solve import solve
 from ampi.tracker_design.riccati_gains import GainSettings
 from ampi.trajectory import Status, Trajectory
@@ -350,7 +350,7 @@ class _Build:
         help_ = "move the target, widen the limits"
         if nominal.status.ok and campaign.judged:
             nominal = flown_again(mission, nominal)
-            message, help_ = verdict(mission, nominal), "refine the mesh, ask for a margin"
+            message, help_ = outcome_sentence(mission, nominal), "refine the mesh, ask for a margin"
         if not nominal.status.ok:
             self.engine.close()  # what follows from it is being solved
             shutil.rmtree(campaign.folder, ignore_errors=True)

@@ -17,7 +17,7 @@ from ampi.dataset import DatasetError, partial_folder, read_dataset
 from ampi.missions.loading import parse_mission
 from ampi.missions.mission import Mission
 from ampi.propagation.reintegration import flown_again
-from ampi.scp.problem.shortfall import verdict
+from ampi.scp.problem.shortfall import outcome_sentence
 from ampi.scp.solve import solve
 from ampi.trajectory import Trajectory
 from database.factory.attempts import Attempt, attempts, follow, is_vain, no_trajectory, path_to
@@ -116,7 +116,7 @@ def rerun(
             arrived = flown.status.ok
             if arrived and campaign.judged:  # as it is assembled: what it finds sends nobody back
                 flown = flown_again(path_there[-1], flown)
-            said = verdict(path_there[solves - 1], flown)
+            said = outcome_sentence(path_there[solves - 1], flown)
             result = AttemptResult(str(attempt), said, solves, flown)
         except Exception as error:  # as in the build: an attempt that raises is one that failed
             arrived = False

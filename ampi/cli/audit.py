@@ -124,10 +124,10 @@ def _print_coherence(report: AuditReport, path: Path) -> None:
     )
     for outlier in smooth.outliers:
         limit = "" if outlier.limit is None else outlier.limit.replace("_", " ")
-        bend = f"; the {limit} reaches its limit there and in no case beside it" if limit else ""
+        acts = f"; the {limit} reaches its limit there and in no case beside it" if limit else ""
         out.print(
             f"  case {outlier.case} at grid index {outlier.index}: "
-            f"roughness {outlier.roughness:.1f}{bend}"
+            f"roughness {outlier.roughness:.1f}{acts}"
         )
     if smooth.outliers:
         out.print(
@@ -204,7 +204,7 @@ def _quoted(path: Path) -> str:
 
 def _draw(report: AuditReport, folder: Path) -> None:
     from ampi.report.figures.audit import CellBar, coherence_figure, error_map_figure
-    from ampi.report.figures.look import save_figure
+    from ampi.report.figures.style import save_figure
     from database.audit.coherence import THRESHOLD
 
     best = _best_cell(report)

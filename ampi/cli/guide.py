@@ -110,8 +110,8 @@ def _reference(
 
 
 def _draw(mission: Mission, reference: Reference, path: Path) -> None:
-    from ampi.report.figures.look import save_figure
     from ampi.report.figures.single import reference_figure
+    from ampi.report.figures.style import save_figure
 
     flown = mission.with_parameters(reference.parameters)
     save_figure(path, reference_figure(flown, reference), "ampi guide")

@@ -55,7 +55,7 @@ def reproduce(
 
 def _draw(found: Reproduction, folder: Path) -> None:
     from ampi.papers.figures import FIGURES
-    from ampi.report.figures.look import save_figure
+    from ampi.report.figures.style import save_figure
 
     save_figure(folder / f"{found.paper}.png", FIGURES[found.paper](found), "ampi reproduce")
 

@@ -80,12 +80,12 @@ def _solve(mission: Mission, method: str, bank_angle: float | None, refined: boo
 
 def _as_dict(mission: Mission, optimum: Trajectory, refined: bool) -> dict[str, Any]:
     from ampi.missions.sections import MeshSection
-    from ampi.scp.problem.shortfall import verdict
+    from ampi.scp.problem.shortfall import outcome_sentence
 
     statistics = optimum.statistics
     return {
         **optimum.summary(),
-        "verdict": verdict(mission, optimum),
+        "verdict": outcome_sentence(mission, optimum),
         "log": [asdict(row) for row in statistics.log],
         "rounds": [asdict(row) for row in statistics.rounds],
         "guesses": [_guess_row(one) for one in statistics.guesses],
@@ -105,7 +105,7 @@ def _guess_row(one: GuessTried) -> dict[str, Any]:
 
 def _print_optimum(mission: Mission, optimum: Trajectory, refined: bool) -> None:
     from ampi.missions.sections import MeshSection
-    from ampi.scp.problem.shortfall import verdict
+    from ampi.scp.problem.shortfall import outcome_sentence
 
     out.print(convergence_table(optimum))
     for one in optimum.statistics.guesses:
@@ -117,18 +117,18 @@ def _print_optimum(mission: Mission, optimum: Trajectory, refined: bool) -> None
         out.print("the mesh, to paste into the mission in the place of its own:")
         sys.stdout.write(MeshSection.of(optimum.mesh).toml)
     if optimum.status.ok:  # else it is the error
-        out.print(verdict(mission, optimum))
+        out.print(outcome_sentence(mission, optimum))
     print_summary(optimum.summary())
 
 
 def _refuse(mission: Mission, optimum: Trajectory) -> None:
     """No solution: why, what to try, and the exit status that says so."""
-    from ampi.scp.problem.shortfall import verdict
+    from ampi.scp.problem.shortfall import outcome_sentence
     from ampi.trajectory import Status
 
     says_how = optimum.status in (Status.INACCURATE, Status.REFINEMENT_LIMIT)
     ways = "" if says_how else " Move the target, widen the limits, or try another --bank-angle"
-    print_error(f"{escaped(mission.name)}: {escaped(verdict(mission, optimum))}{ways}")
+    print_error(f"{escaped(mission.name)}: {escaped(outcome_sentence(mission, optimum))}{ways}")
     raise typer.Exit(2)
 
 
@@ -210,7 +210,7 @@ def draw_trajectory(path: Path | None, mission: Mission, optimum: Trajectory, ma
     """Save the trajectory's figure, if one is wanted."""
     if path is None:
         return
-    from ampi.report.figures.look import save_figure
     from ampi.report.figures.single import trajectory_figure
+    from ampi.report.figures.style import save_figure
 
     save_figure(path, trajectory_figure(mission, optimum), made_by)

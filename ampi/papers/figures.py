@@ -16,7 +16,7 @@ from ampi.papers.table import Reproduction
 from ampi.physics.planet import destination
 from ampi.physics.state import LOADS
 from ampi.propagation.reintegration import reintegrate
-from ampi.report.figures.look import INK, LIMIT_COLOUR, house_style, new_figure
+from ampi.report.figures.style import INK, LIMIT_COLOUR, house_style, new_figure
 from ampi.scp.literature.energy_domain import EnergyDomain
 from ampi.scp.literature.methods import Solution
 from ampi.trajectory import Trajectory

@@ -13,8 +13,8 @@ from ampi.onboard.table import GuidanceTable
 from ampi.report.figures import campaign as over_time
 from ampi.report.figures import database
 from ampi.report.figures import footprint as at_the_end
-from ampi.report.figures.look import ImageFormat
 from ampi.report.figures.runge import runge_phenomenon
+from ampi.report.figures.style import ImageFormat
 from ampi.simulation.flights import Flights
 
 

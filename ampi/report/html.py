@@ -16,7 +16,7 @@ from ampi.onboard.table import GuidanceTable
 from ampi.outputs import written
 from ampi.report.exhibits import Exhibit, campaign_exhibits, database_exhibits
 from ampi.report.figures.database import with_optimum
-from ampi.report.figures.look import data_uri, image_bytes
+from ampi.report.figures.style import data_uri, image_bytes
 from ampi.report.published import is_of_the_paper, is_shipped
 from ampi.report.quantities import DEGREES, KILO
 from ampi.report.verdict_tables import coincident, verdict_tables

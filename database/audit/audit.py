@@ -54,7 +54,7 @@ MODES = (Mode.MPI, Mode.AMPI, Mode.QUADRATIC)
 
 
 @dataclass(frozen=True)
-class Quantity:
+class ErrorSummary:
     """Median, 90th percentile and worst of an error over its cases."""
 
     median: float
@@ -62,7 +62,7 @@ class Quantity:
     worst: float
 
     @classmethod
-    def of(cls, values: Array) -> Quantity:
+    def of(cls, values: Array) -> ErrorSummary:
         """From one error per case; NaN is an error that nobody knows, ∞ that of a flight with no end."""
         values = values[~np.isnan(values)]
         if len(values) == 0:
@@ -89,14 +89,14 @@ class AuditReport:
 
     cases: int
     statuses: dict[str, int]
-    position_error: Quantity  # m, greatest along each flight
-    altitude_error: Quantity  # m
-    speed_error: Quantity  # m/s
+    position_error: ErrorSummary  # m, greatest along each flight
+    altitude_error: ErrorSummary  # m
+    speed_error: ErrorSummary  # m/s
     limits: dict[str, float]  # greatest use of each, between the nodes
     probes: int
     unsolved_probes: int
     hidden_probes: int  # whose cell has a case without a solution: AMPI has no reference there
-    interpolation: dict[str, dict[str, Quantity]]  # mode → column → error
+    interpolation: dict[str, dict[str, ErrorSummary]]  # mode → column → error
     coherence: Coherence
     branches: Branches
     error_map: tuple[CellError, ...]
@@ -108,7 +108,9 @@ class AuditReport:
         smooth = numbers["coherence"]
         for key in ("scale", "worst"):
             smooth[key] = dict(zip(ROWS, getattr(self.coherence, key).tolist(), strict=True))
-        smooth["bend"] = [dict(zip(ROWS, b.tolist(), strict=True)) for b in self.coherence.bend]
+        smooth["curvature"] = [
+            dict(zip(ROWS, b.tolist(), strict=True)) for b in self.coherence.curvature
+        ]
         smooth["roughness"] = self.coherence.roughness.ravel().tolist()
         smooth["threshold"] = THRESHOLD
         for cell, plain in zip(self.error_map, numbers["error_map"], strict=True):
@@ -156,16 +158,16 @@ def audit(
         statuses={
             s.name: int(np.sum(dataset.status == int(s))) for s in Status if s in dataset.status
         },
-        position_error=Quantity.of(flown.position_error_m),
-        altitude_error=Quantity.of(flown.altitude_error_m),
-        speed_error=Quantity.of(flown.speed_error_m_per_s),
+        position_error=ErrorSummary.of(flown.position_error_m),
+        altitude_error=ErrorSummary.of(flown.altitude_error_m),
+        speed_error=ErrorSummary.of(flown.speed_error_m_per_s),
         limits={n: float(v) for n, v in zip(names, peak, strict=True)},
         probes=probes,
         unsolved_probes=probed.unsolved,
         hidden_probes=probed.hidden,
         interpolation={
             mode.value: {
-                c: Quantity.of(probed.errors[mode.value][:, i]) for i, c in enumerate(COLUMNS)
+                c: ErrorSummary.of(probed.errors[mode.value][:, i]) for i, c in enumerate(COLUMNS)
             }
             for mode in MODES
         },

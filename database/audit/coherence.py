@@ -12,7 +12,7 @@ What counts as small is the family's own roughness: for each row
     s = max over the axes of (median |δ| + 1.4826 MAD |δ|),                                    (2)
 
 which a few bad cases cannot move, and at least `RESOLUTION` of the row's range: below, optima differ by
-their convergence. On an uneven axis wide triples bend more than the median one; there
+their convergence. On an uneven axis wide triples miss more than the median one; there
 
     s of a triple = max(s, (b − a)(c − b) · (median |f| + 1.4826 MAD |f|)),                    (2a)
 
@@ -24,7 +24,7 @@ spoils every line through it, a good one beside it only the line they share, so
 Every triple above `THRESHOLD` must have somebody to blame: the roughest of its three cases, and of
 equally rough ones the farthest from the hypercentre. With a single line (d = 1) all three are equally
 rough and the blame is a guess; re-solving the case (database/repair.py) tells. A path limit that acts
-in a case and in none beside it bends the family too: the case is named with that limit.
+in a case and in none beside it is a kink of the family too: the case is named with that limit.
 
 All of this is relative to the family, and what no triple measures is NaN: unknown, not smooth. Whether
 neighbours are optima of one branch at all, in degrees and kilometres, database/audit/branches.py says.
@@ -71,7 +71,9 @@ class Coherence:
 
     triples: int
     scale: Array  # (8,), Eq. (2): SI, rad
-    bend: tuple[Array, ...]  # of each axis, (8,): median + 1.4826 MAD of |f[a, b, c]|, Eq. (2a)
+    curvature: tuple[
+        Array, ...
+    ]  # of each axis, (8,): median + 1.4826 MAD of |f[a, b, c]|, Eq. (2a)
     worst: Array  # (8,), greatest |δ| / s of each row
     roughness: Array  # (p…), Eq. (3); NaN where no triple of solved cases holds the case
     outliers: tuple[Outlier, ...]
@@ -96,13 +98,16 @@ def coherence(dataset: TrajectoryDataset) -> Coherence:
     }
     if not misses:
         unknown = np.full(len(ROWS), np.nan)
-        bend = (unknown,) * len(dataset.axes)
-        return Coherence(0, unknown, bend, unknown, np.full(dataset.shape, np.nan), ())
+        curvature = (unknown,) * len(dataset.axes)
+        return Coherence(0, unknown, curvature, unknown, np.full(dataset.shape, np.nan), ())
     scale = family_scale(list(misses.values()), rows)
-    bends = {i: _typical(miss / _product(dataset.axes[i], miss)) for i, miss in misses.items()}
-    bend = tuple(bends.get(i, np.full(len(ROWS), np.nan)) for i in range(len(dataset.axes)))
+    curvatures = {i: _typical(miss / _product(dataset.axes[i], miss)) for i, miss in misses.items()}
+    curvature = tuple(
+        curvatures.get(i, np.full(len(ROWS), np.nan)) for i in range(len(dataset.axes))
+    )
     ratios = {
-        i: miss / triple_scale(dataset.axes[i], scale, bend[i], miss) for i, miss in misses.items()
+        i: miss / triple_scale(dataset.axes[i], scale, curvature[i], miss)
+        for i, miss in misses.items()
     }
     roughness = np.full(dataset.shape, np.inf)
     for i, ratio in ratios.items():
@@ -115,7 +120,7 @@ def coherence(dataset: TrajectoryDataset) -> Coherence:
     return Coherence(
         triples=sum(int(np.isfinite(r).all(axis=-1).sum()) for r in ratios.values()),
         scale=scale,
-        bend=bend,
+        curvature=curvature,
         worst=np.fmax.reduce(np.concatenate([r.reshape(-1, len(ROWS)) for r in ratios.values()])),
         roughness=roughness,
         outliers=tuple(_outlier(dataset, grid, case, roughness) for case in blamed),
@@ -148,9 +153,9 @@ def family_scale(misses: list[Array], rows: Array) -> Array:
     return np.where(scale > 0.0, scale, np.inf)
 
 
-def triple_scale(axis: Array, scale: Array, bend: Array, miss: Array) -> Array:
+def triple_scale(axis: Array, scale: Array, curvature: Array, miss: Array) -> Array:
     """s of Eq. (2a) for the triples of an axis, of the shape of their misses or one that broadcasts."""
-    wide: Array = np.fmax(scale, _product(axis, miss) * bend)
+    wide: Array = np.fmax(scale, _product(axis, miss) * curvature)
     return wide
 
 
@@ -183,7 +188,7 @@ def case_roughness(
         through: Any = (*index[:i], slice(low, high), *index[i + 1 :])
         line = rows[through]
         miss = chord_misses(axis[low:high], line)
-        scale = triple_scale(axis[low:high], family.scale, family.bend[i], miss)
+        scale = triple_scale(axis[low:high], family.scale, family.curvature[i], miss)
         found += (miss / scale).max(axis=-1).tolist()
     known = [value for value in found if np.isfinite(value)]
     return min(known, default=np.nan)

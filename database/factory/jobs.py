@@ -27,7 +27,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ampi.scp.problem.shortfall import verdict
+from ampi.scp.problem.shortfall import outcome_sentence
 from ampi.scp.solve import solve_family
 from ampi.trajectory import Status, Trajectory
 from ampi.workers.job import JobError, finished
@@ -187,7 +187,7 @@ class SolvePortion(Job):
                 except Exception:  # alone it has its log
                     continue
             if flown.status.ok:
-                message = f"{attempt}: {verdict(mission, flown)}"
+                message = f"{attempt}: {outcome_sentence(mission, flown)}"
                 yield CaseRecord(case, flown, message, 1, time.perf_counter() - began)
 
     def without(self, attempt: int) -> SolvePortion:
@@ -286,7 +286,7 @@ class SolveCase(Job):
                 continue
             solves += count
             ended[-1] = flown.status
-            log.append(f"{attempt}: {verdict(path[count - 1], flown)}")
+            log.append(f"{attempt}: {outcome_sentence(path[count - 1], flown)}")
             if flown.status.ok:
                 best, log = flown, log[-1:]
                 break

@@ -20,7 +20,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ampi.scp.problem.shortfall import verdict
+from ampi.scp.problem.shortfall import outcome_sentence
 from ampi.trajectory import Trajectory
 from database.factory.attempts import Attempt, follow, path_to
 from database.factory.engines import Engine
@@ -139,7 +139,7 @@ class SolveAgain(Job):
                 log.append(f"again {attempt}: {type(error).__name__}: {error}")
                 continue
             solves += count
-            log.append(f"again {attempt}: {verdict(path[-1], flown)}")
+            log.append(f"again {attempt}: {outcome_sentence(path[-1], flown)}")
             if flown.status.ok:
                 best, log = flown, log[-1:]
                 break

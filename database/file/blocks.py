@@ -20,7 +20,7 @@ from ampi.missions.mission import Mission
 from ampi.missions.path_limits import PathLimits
 from ampi.propagation.reintegration import flight_checks
 from ampi.scp.problem.scaled_problem import OptimalControlProblem
-from ampi.scp.problem.shortfall import verdict
+from ampi.scp.problem.shortfall import outcome_sentence
 from ampi.tracker_design.riccati_gains import GainSettings, vertex_gains
 from ampi.trajectory import Status
 from database.plan.grid import Grid
@@ -130,7 +130,7 @@ def assemble(
             if judged and not flight.accurate:
                 status[k] = int(Status.INACCURATE)
                 optimum, attempt = records[k].trajectory, messages[k].partition(": ")[0]
-                said = verdict(family.member(member), optimum.judged_by(flight))
+                said = outcome_sentence(family.member(member), optimum.judged_by(flight))
                 messages[k] = f"{attempt}: {said}"
     good = status == int(Status.SOLVED)
     for array in (states, rate, final_time):

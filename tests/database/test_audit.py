@@ -14,7 +14,7 @@ from ampi.dataset import read_dataset
 from ampi.loading import guidance_table
 from ampi.onboard.reference import Mode
 from ampi.trajectory import Status, Trajectory
-from database.audit.audit import Quantity, _errors, audit, nodal_reference
+from database.audit.audit import ErrorSummary, _errors, audit, nodal_reference
 from database.audit.error_map import best_cell
 
 
@@ -50,9 +50,9 @@ def test_an_interpolated_flight_that_hits_the_ground_is_infinitely_far_off(
     states[..., 6, :] = np.pi  # lift downwards
     errors = _errors(dataset.mission, dataset.trajectory(4), states[1, 1], 900.0)
     assert errors[-1] == np.inf
-    found = Quantity.of(np.array([1.0, np.nan, 3.0, np.inf, np.inf]))
+    found = ErrorSummary.of(np.array([1.0, np.nan, 3.0, np.inf, np.inf]))
     assert (found.median, found.percentile_90, found.worst) == (np.inf, np.inf, np.inf)
-    assert Quantity.of(np.array([1.0, np.nan, 3.0])) == Quantity(2.0, 2.8, 3.0)
+    assert ErrorSummary.of(np.array([1.0, np.nan, 3.0])) == ErrorSummary(2.0, 2.8, 3.0)
 
 
 def test_probes_depend_on_the_seed_alone(small_database: Path) -> None:

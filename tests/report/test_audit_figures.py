@@ -14,7 +14,7 @@ from ampi.report.figures.audit import (
     coherence_figure,
     error_map_figure,
 )
-from ampi.report.figures.look import image_bytes
+from ampi.report.figures.style import image_bytes
 
 
 def test_every_case_is_a_point_and_outliers_are_named() -> None:

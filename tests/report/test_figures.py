@@ -47,18 +47,18 @@ from ampi.report.figures.ground_track import (
     map_and_window,
     tangent_plane,
 )
-from ampi.report.figures.look import (
+from ampi.report.figures.runge import runge_phenomenon
+from ampi.report.figures.single import reference_figure, trajectory_figure
+from ampi.report.figures.style import (
     INK,
     LIMIT_COLOUR,
-    MODE_LOOKS,
+    MODE_STYLES,
     ImageFormat,
     house_style,
     image_bytes,
     new_figure,
     save_figure,
 )
-from ampi.report.figures.runge import runge_phenomenon
-from ampi.report.figures.single import reference_figure, trajectory_figure
 from ampi.simulation.flights import Flights
 from ampi.simulation.statistics import ellipse_area
 from ampi.trajectory import Status, Trajectory
@@ -229,9 +229,9 @@ def test_comparison_takes_nominal_and_ampi_if_both_were_flown(
 
 
 def test_every_mode_has_its_own_look() -> None:
-    assert set(MODE_LOOKS) == set(Mode)
-    assert len({look.colour for look in MODE_LOOKS.values()}) == len(Mode)
-    assert len({look.marker for look in MODE_LOOKS.values()}) == len(Mode)
+    assert set(MODE_STYLES) == set(Mode)
+    assert len({look.colour for look in MODE_STYLES.values()}) == len(Mode)
+    assert len({look.marker for look in MODE_STYLES.values()}) == len(Mode)
 
 
 @pytest.mark.parametrize("image_format", list(ImageFormat))
@@ -395,7 +395,7 @@ def test_coincident_modes_are_drawn_around_each_other(
     points = campaign_footprint(mission, twins).axes[0].lines[:2]
     assert points[0].get_markersize() > points[1].get_markersize()
     assert {line.get_fillstyle() for line in points} == {"none"}
-    assert len({look.dashes for look in MODE_LOOKS.values()}) == len(Mode)
+    assert len({look.dashes for look in MODE_STYLES.values()}) == len(Mode)
 
 
 def test_a_hole_is_no_optimum(mission: Mission, table: GuidanceTable) -> None:

@@ -21,7 +21,7 @@ from ampi.propagation.reintegration import (
 )
 from ampi.pseudospectral.mesh import Mesh, Phase
 from ampi.scp.guess import ConstantBank
-from ampi.scp.problem.shortfall import verdict
+from ampi.scp.problem.shortfall import outcome_sentence
 from ampi.scp.solve import optimum, solve
 from ampi.trajectory import POSITION_TOLERANCE, FlightCheck, Status, Trajectory
 
@@ -68,7 +68,7 @@ def test_a_limit_exceeded_between_the_nodes_is_no_solution(tight: Mission) -> No
     assert flight is not None
     assert 1.0 + KEPT < flight.use["dynamic_pressure"] < 1.02
     assert list(flight.exceeded) == ["dynamic_pressure"]
-    said = verdict(tight, found)
+    said = outcome_sentence(tight, found)
     assert f"uses {100.0 * flight.use['dynamic_pressure']:.4g} % of dynamic_pressure" in said
     assert said.endswith("try: ampi solve --refine, [limits] dynamic_pressure_margin.")
 
@@ -128,7 +128,7 @@ def test_a_flight_that_cannot_be_integrated_is_far_off(
     assert np.isinf(lost.position_error)
     assert kept == nominal.statistics.flight
     assert flown_again(fast, nominal).status is Status.INACCURATE
-    assert "cannot be integrated" in verdict(fast, flown_again(fast, nominal))
+    assert "cannot be integrated" in outcome_sentence(fast, flown_again(fast, nominal))
 
 
 def test_where_nothing_flies_nothing_is_flown_again(mission: Mission, nominal: Trajectory) -> None:

@@ -11,7 +11,7 @@ from ampi.missions import Mission
 from ampi.missions.sections import NoFlyZoneSection
 from ampi.physics.path_constraints import path_constraints
 from ampi.physics.state import LOADS
-from ampi.scp.problem.shortfall import shortfall, verdict
+from ampi.scp.problem.shortfall import outcome_sentence, shortfall
 from ampi.trajectory import Statistics, Status, Trajectory
 
 
@@ -25,12 +25,12 @@ def test_a_solution_leaves_nothing_open(mission: Mission, nominal: Trajectory) -
     assert shortfall(mission, nominal) == []
     flight = nominal.statistics.flight
     assert flight is not None
-    assert verdict(mission, nominal) == (
+    assert outcome_sentence(mission, nominal) == (
         f"{Status.SOLVED.sentence} Flown again, it lies at most {flight.position_error:.3g} m from its "
         f"nodes and uses {100.0 * max(flight.use.values()):.4g} % of bank_angle, its nearest limit."
     )
     unflown = replace(nominal, statistics=replace(nominal.statistics, flight=None))
-    assert verdict(mission, unflown) == Status.SOLVED.sentence
+    assert outcome_sentence(mission, unflown) == Status.SOLVED.sentence
 
 
 @pytest.mark.parametrize("kind", range(3))
@@ -80,7 +80,7 @@ def test_the_verdict_joins_the_sentence_and_what_is_open(
     away = with_section(mission, "target", latitude=mission.target.latitude + np.radians(2.0))
     unflown = replace(nominal.statistics, flight=None)
     missed = replace(nominal, status=Status.TARGET_MISSED, statistics=unflown)
-    assert verdict(away, missed) == (
+    assert outcome_sentence(away, missed) == (
         f"{Status.TARGET_MISSED.sentence} Open: the flight ends 223 km from the target."
     )
 
@@ -90,4 +90,4 @@ def test_where_there_is_no_flight_there_is_nothing_to_say(
 ) -> None:
     nowhere = np.full_like(nominal.states, np.nan)
     nothing = replace(nominal, states=nowhere, status=Status.GUESS_FAILED, statistics=Statistics())
-    assert verdict(mission, nothing) == Status.GUESS_FAILED.sentence
+    assert outcome_sentence(mission, nothing) == Status.GUESS_FAILED.sentence

@@ -10,7 +10,6 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from numpy.typing import NDArray
 
-from ampi.report.figures.look import DATABASE_COLOUR, INK, LIMIT_COLOUR, house_style, new_figure
 from ampi.report.figures.panels import (
     FIGURE_WIDTH,
     draw_limits,
@@ -18,6 +17,7 @@ from ampi.report.figures.panels import (
     marker_key,
     place_legend,
 )
+from ampi.report.figures.style import DATABASE_COLOUR, INK, LIMIT_COLOUR, house_style, new_figure
 
 Array = NDArray[np.float64]
 

@@ -25,7 +25,6 @@ from ampi.report.figures.ground_track import (
     target_longitude,
     track_keys,
 )
-from ampi.report.figures.look import INK, MODE_LOOKS, house_style
 from ampi.report.figures.panels import (
     control_limits,
     draw_bundle,
@@ -36,6 +35,7 @@ from ampi.report.figures.panels import (
     panel_grid,
     place_legend,
 )
+from ampi.report.figures.style import INK, MODE_STYLES, house_style
 from ampi.report.quantities import CONTROL_QUANTITIES, ENTRY_QUANTITIES
 from ampi.simulation.flights import Flights
 
@@ -69,7 +69,7 @@ def with_widths(campaigns: Mapping[str, Flights]) -> list[tuple[Flights, str, fl
     widths = WIDTHS[-len(campaigns) :]
     widths = (WIDTHS[0],) * (len(campaigns) - len(widths)) + widths
     return [
-        (flights, MODE_LOOKS[flights.mode].colour, width)
+        (flights, MODE_STYLES[flights.mode].colour, width)
         for flights, width in zip(campaigns.values(), widths, strict=True)
     ]
 
@@ -78,9 +78,9 @@ def campaign_keys(campaigns: Mapping[str, Flights], *, with_ends: bool = False) 
     """Legend entries of the campaigns drawn as lines, with the marker of their ends on demand."""
     keys = []
     for name, flights in campaigns.items():
-        look = MODE_LOOKS[flights.mode]
-        key = line_key(f"{name} ({flights.n} flights)", look.colour)
-        key.set_marker(look.marker if with_ends else "none")
+        style = MODE_STYLES[flights.mode]
+        key = line_key(f"{name} ({flights.n} flights)", style.colour)
+        key.set_marker(style.marker if with_ends else "none")
         keys.append(key)
     return keys
 
@@ -139,7 +139,7 @@ def campaign_controls(mission: Mission, campaigns: Mapping[str, Flights]) -> Fig
         for axes, quantity, value, levels in zip(
             column_panels, CONTROL_QUANTITIES, values, limits, strict=True
         ):
-            colour = MODE_LOOKS[flights.mode].colour
+            colour = MODE_STYLES[flights.mode].colour
             draw_bundle(axes, flights.times, quantity.shown(value), colour)
             draw_quantity_limits(axes, quantity, levels)
     place_legend(figure, [*campaign_keys(shown), limit_key()])
@@ -184,12 +184,12 @@ def _flown(flights: Flights) -> tuple[Array, Array]:
 
 def _tracks(flights: Flights, width: float) -> TrackBundle:
     _, states = _flown(flights)
-    look = MODE_LOOKS[flights.mode]
+    style = MODE_STYLES[flights.mode]
     return TrackBundle(
         longitude=states[:, 1],
         latitude=states[:, 2],
         final=flights.final_states[:, 1:3],
-        colour=look.colour,
-        marker=look.marker,
+        colour=style.colour,
+        marker=style.marker,
         width=width,
     )

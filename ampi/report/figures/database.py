@@ -21,7 +21,6 @@ from ampi.report.figures.ground_track import (
     map_and_window,
     track_keys,
 )
-from ampi.report.figures.look import DATABASE_COLOUR, MODE_LOOKS, house_style
 from ampi.report.figures.panels import (
     control_limits,
     draw_bundle,
@@ -32,6 +31,7 @@ from ampi.report.figures.panels import (
     panel_grid,
     place_legend,
 )
+from ampi.report.figures.style import DATABASE_COLOUR, MODE_STYLES, house_style
 from ampi.report.quantities import (
     CONTROL_QUANTITIES,
     ENTRY_QUANTITIES,
@@ -40,7 +40,7 @@ from ampi.report.quantities import (
 
 Array = NDArray[np.float64]
 
-NOMINAL_COLOUR = MODE_LOOKS[Mode.NOMINAL].colour
+NOMINAL_COLOUR = MODE_STYLES[Mode.NOMINAL].colour
 
 
 @dataclass(frozen=True, eq=False)

@@ -15,15 +15,15 @@ from numpy.typing import NDArray
 
 from ampi.missions.mission import Mission
 from ampi.report.figures.campaign import back_to_front
-from ampi.report.figures.look import (
+from ampi.report.figures.panels import FIGURE_WIDTH, line_key, marker_key, place_legend
+from ampi.report.figures.style import (
     INK,
     LIMIT_COLOUR,
-    MODE_LOOKS,
+    MODE_STYLES,
     TARGET_COLOUR,
     house_style,
     new_figure,
 )
-from ampi.report.figures.panels import FIGURE_WIDTH, line_key, marker_key, place_legend
 from ampi.report.published import is_of_the_paper
 from ampi.report.quantities import CROSSRANGE, DOWNRANGE, KILO
 from ampi.simulation.flights import Flights
@@ -72,7 +72,7 @@ def campaign_footprint(mission: Mission, campaigns: Mapping[str, Flights]) -> Fi
         lines += wrap(f"ellipses cut off: {', '.join(cut)}", TITLE_WIDTH) if cut else []
         axes.set_title("\n".join(lines), parse_math=False)
     keys = [
-        marker_key(name, MODE_LOOKS[f.mode].marker, MODE_LOOKS[f.mode].colour)
+        marker_key(name, MODE_STYLES[f.mode].marker, MODE_STYLES[f.mode].colour)
         for name, f in shown.items()
     ]
     keys.append(marker_key("target", "*", TARGET_COLOUR))
@@ -115,8 +115,8 @@ def campaign_histograms(mission: Mission, campaigns: Mapping[str, Flights]) -> F
 
 
 def _outline_key(name: str, flights: Flights) -> Line2D:
-    look = MODE_LOOKS[flights.mode]
-    return Line2D([], [], color=look.colour, linewidth=1.8, linestyle=look.dashes, label=name)
+    style = MODE_STYLES[flights.mode]
+    return Line2D([], [], color=style.colour, linewidth=1.8, linestyle=style.dashes, label=name)
 
 
 def footprint_ellipse(flights: Flights) -> Ellipse | None:
@@ -135,7 +135,7 @@ def footprint_ellipse(flights: Flights) -> Ellipse | None:
         angle=float(np.degrees(np.arctan2(directions[1, 1], directions[0, 1]))),
         fill=False,
         linewidth=1.8,
-        edgecolor=MODE_LOOKS[flights.mode].colour,
+        edgecolor=MODE_STYLES[flights.mode].colour,
         zorder=3,
         path_effects=[withStroke(linewidth=4.0, foreground="white")],
     )
@@ -159,15 +159,15 @@ def _draw_footprints(
     sizes = MARKER_SIZES[-len(shown) :]
     sizes = (MARKER_SIZES[0],) * (len(shown) - len(sizes)) + sizes
     for flights, size in zip(shown.values(), sizes, strict=True):
-        look, good = MODE_LOOKS[flights.mode], flights.reached
+        style, good = MODE_STYLES[flights.mode], flights.reached
         across, along = CROSSRANGE.shown(flights.across[good]), DOWNRANGE.shown(flights.along[good])
         seen = (np.abs(across) <= half) & (np.abs(along) <= half)
         beyond += int(np.count_nonzero(~seen))
         axes.plot(
             across[seen],
             along[seen],
-            look.marker,
-            color=look.colour,
+            style.marker,
+            color=style.colour,
             markersize=size,
             alpha=0.5,
             fillstyle="none",  # coincident modes stand around each other
@@ -197,11 +197,16 @@ def _draw_histogram(axes: Axes, shown: Mapping[str, Flights], errors: Mapping[st
     sizes = {name: np.abs(error) for name, error in errors.items()}
     edges = logarithmic_bins(list(sizes.values())).tolist()
     for name, size in sizes.items():
-        look = MODE_LOOKS[shown[name].mode]
+        style = MODE_STYLES[shown[name].mode]
         inside = np.clip(size, edges[0], edges[-1])
-        axes.hist(inside, edges, histtype="stepfilled", color=look.colour, alpha=0.25)
+        axes.hist(inside, edges, histtype="stepfilled", color=style.colour, alpha=0.25)
         axes.hist(
-            inside, edges, histtype="step", color=look.colour, linewidth=1.8, linestyle=look.dashes
+            inside,
+            edges,
+            histtype="step",
+            color=style.colour,
+            linewidth=1.8,
+            linestyle=style.dashes,
         )
     axes.set(xscale="log", ylabel="Flights (count)")
 

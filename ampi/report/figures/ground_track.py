@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 from ampi.missions.mission import Mission
 from ampi.physics.angles import TURN, on_turn_of
 from ampi.physics.planet import bearing, destination, great_circle_distance
-from ampi.report.figures.look import INK, LIMIT_COLOUR, TARGET_COLOUR, new_figure
 from ampi.report.figures.panels import (
     FIGURE_WIDTH,
     draw_bundle,
@@ -22,6 +21,7 @@ from ampi.report.figures.panels import (
     marker_key,
     number_on_one_turn,
 )
+from ampi.report.figures.style import INK, LIMIT_COLOUR, TARGET_COLOUR, new_figure
 from ampi.report.quantities import EAST, LATITUDE, LONGITUDE, NORTH
 
 Array = NDArray[np.float64]

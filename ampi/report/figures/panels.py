@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from ampi.missions.mission import Mission
 from ampi.missions.path_limits import LimitKind, PathLimits
-from ampi.report.figures.look import INK, LIMIT_COLOUR, new_figure
+from ampi.report.figures.style import INK, LIMIT_COLOUR, new_figure
 from ampi.report.quantities import (
     DYNAMIC_PRESSURE,
     HEAT_FLUX,

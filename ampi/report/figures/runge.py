@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from ampi.onboard.reference import Mode
 from ampi.pseudospectral.lagrange import barycentric_weights, interpolation_matrix
 from ampi.pseudospectral.radau import flipped_radau
-from ampi.report.figures.look import INK, MODE_LOOKS, house_style, new_figure
 from ampi.report.figures.panels import FIGURE_WIDTH, line_key, marker_key, place_legend
+from ampi.report.figures.style import INK, MODE_STYLES, house_style, new_figure
 
 Array = NDArray[np.float64]
 
@@ -30,7 +30,7 @@ def runge_phenomenon(node_counts: tuple[int, ...] = NODE_COUNTS) -> Figure:
         row[0].set_ylabel("F(τ) (–)")
     for axes in grid[-1]:
         axes.set_xlabel("τ (–)")
-    colour = MODE_LOOKS[Mode.AMPI].colour
+    colour = MODE_STYLES[Mode.AMPI].colour
     place_legend(
         figure,
         [
@@ -53,7 +53,7 @@ def _draw_interpolant(axes: Axes, nodes: Array, title: str) -> None:
         nodes
     )
     error = float(np.abs(interpolant - runge_function(tau)).max())
-    colour = MODE_LOOKS[Mode.AMPI].colour
+    colour = MODE_STYLES[Mode.AMPI].colour
     axes.plot(tau, interpolant, color=colour, linewidth=1.8)
     axes.plot(tau, runge_function(tau), color=INK, linewidth=1.4, linestyle=(0, (5, 3)))
     axes.plot(nodes, runge_function(nodes), "o", color=colour, markersize=4)

@@ -13,7 +13,6 @@ from ampi.missions.mission import Mission
 from ampi.missions.path_limits import PathLimits
 from ampi.onboard.reference import Mode, Reference
 from ampi.report.figures.ground_track import TrackBundle, draw_ground_tracks, track_keys
-from ampi.report.figures.look import INK, LIMIT_COLOUR, MODE_LOOKS, house_style, new_figure
 from ampi.report.figures.panels import (
     FIGURE_WIDTH,
     PANEL_HEIGHT,
@@ -24,6 +23,7 @@ from ampi.report.figures.panels import (
     marker_key,
     place_legend,
 )
+from ampi.report.figures.style import INK, LIMIT_COLOUR, MODE_STYLES, house_style, new_figure
 from ampi.report.quantities import (
     ALTITUDE,
     AZIMUTH,
@@ -34,13 +34,13 @@ from ampi.report.quantities import (
     TIME,
     Quantity,
 )
-from ampi.scp.problem.shortfall import verdict
+from ampi.scp.problem.shortfall import outcome_sentence
 from ampi.trajectory import Trajectory
 
 Array = NDArray[np.float64]
 
 _STATE_ROWS = {ALTITUDE: 0, SPEED: 3, FLIGHT_PATH_ANGLE: 4, AZIMUTH: 5, BANK_ANGLE: 6}
-_COLOUR = MODE_LOOKS[Mode.AMPI].colour
+_COLOUR = MODE_STYLES[Mode.AMPI].colour
 _COLUMNS = 3
 CURVE_POINTS = 800
 TITLE_WIDTH = 100  # characters
@@ -71,7 +71,11 @@ def trajectory_figure(mission: Mission, trajectory: Trajectory) -> Figure:
     """
     figure, panels, track = _frame(mission)
     status = trajectory.status
-    _title(figure, f"{mission.title}: {status.name}. {verdict(mission, trajectory)}", status.ok)
+    _title(
+        figure,
+        f"{mission.title}: {status.name}. {outcome_sentence(mission, trajectory)}",
+        status.ok,
+    )
     times = np.linspace(0.0, trajectory.final_time, CURVE_POINTS)
     states, bank_rate = trajectory.at(times)
     _draw_curves(panels, mission, times, states, bank_rate, "-")

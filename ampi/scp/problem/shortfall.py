@@ -10,7 +10,7 @@ from ampi.missions.path_limits import KEPT, LimitKind, PathLimits
 from ampi.trajectory import POSITION_TOLERANCE, FlightCheck, Status, Trajectory
 
 
-def verdict(mission: Mission, trajectory: Trajectory) -> str:
+def outcome_sentence(mission: Mission, trajectory: Trajectory) -> str:
     """The status's sentence, and for a flight that is not a solution what is open about it."""
     status, flight = trajectory.status, trajectory.statistics.flight
     sentences, phrases = [status.sentence], [] if status.ok else shortfall(mission, trajectory)

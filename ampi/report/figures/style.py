@@ -1,4 +1,4 @@
-"""One look for every figure: type sizes, one colour per guidance mode, and the way into a page.
+"""One style for every figure: type sizes, one colour per guidance mode, and the way into a page.
 
 Colours are Okabe and Ito's (2008), told apart under every common colour blindness; markers differ as
 well, so that a grey print can be read. Figures are made through matplotlib's object interface: no
@@ -66,7 +66,7 @@ class ImageFormat(Enum):
 
 
 @dataclass(frozen=True)
-class ModeLook:
+class ModeStyle:
     """Colour, marker and dash pattern of one guidance mode."""
 
     colour: str
@@ -74,11 +74,11 @@ class ModeLook:
     dashes: str | tuple[float, tuple[float, ...]]
 
 
-MODE_LOOKS = {
-    Mode.NOMINAL: ModeLook("#E69F00", "s", "-"),
-    Mode.MPI: ModeLook("#009E73", "^", (0.0, (6.0, 2.0))),
-    Mode.AMPI: ModeLook("#0072B2", "o", (0.0, (1.0, 1.0))),
-    Mode.QUADRATIC: ModeLook("#CC79A7", "D", (0.0, (3.0, 1.5))),
+MODE_STYLES = {
+    Mode.NOMINAL: ModeStyle("#E69F00", "s", "-"),
+    Mode.MPI: ModeStyle("#009E73", "^", (0.0, (6.0, 2.0))),
+    Mode.AMPI: ModeStyle("#0072B2", "o", (0.0, (1.0, 1.0))),
+    Mode.QUADRATIC: ModeStyle("#CC79A7", "D", (0.0, (3.0, 1.5))),
 }
 
 
