@@ -36,6 +36,18 @@ def disagreements(mission: MissionSections) -> list[str]:
     return list(dict.fromkeys(found))
 
 
+def another_structure(mission: MissionSections, there: MissionSections) -> list[str]:
+    """A sentence where the numbers of `there` make another model than those of `mission`."""
+    schedules = [m.vehicle.angle_of_attack for m in (mission, there)]
+    here, moved = (schedule.smoothing for schedule in schedules)
+    if (here > 0.0) == (moved > 0.0):
+        return []
+    return [
+        f"smoothing: expected a positive number at every point or 0 at every point, got {moved:g} "
+        f"beside {here:g}; a schedule with kinks is another model: build each by itself"
+    ]
+
+
 def _vehicle_stands(mission: MissionSections) -> Iterator[str]:
     mission.vehicle.build()
     yield from ()

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from pydantic import ValidationError, model_validator
 
-from ampi.missions.agreement import disagreements
+from ampi.missions.agreement import another_structure, disagreements
 from ampi.missions.family import MissionFamily
 from ampi.missions.grid import GridSection
 from ampi.missions.parameters import Parameter, Path, parameter_values, resolve, with_numbers
@@ -52,7 +52,8 @@ class Mission(MissionSections):
                 there = with_numbers(
                     self, [(number.path, number.nominal + offset * number.per_unit)]
                 )
-                faults = number.faults(there) or disagreements(there)
+                faults = number.faults(there)
+                faults = faults or disagreements(there) or another_structure(self, there)
                 if faults:
                     sentence = f"at offset {offset:g}: {faults[0]}"
             if sentence is not None:

@@ -236,6 +236,14 @@ REFUSED = {
     "a key without its unit": ("vehicle.mass = [0, 1]", "such as vehicle.mass_kg"),
     "a word": ("vehicle.load_factor = [0, 1]", "grid.vehicle.load_factor: expected a number that"),
     "a node of the mesh": ("mesh.phase.0.end_s = [0, 1]", "grid.mesh.phase.0.end_s: expected a n"),
+    "a schedule that has kinks at one point alone": (
+        "vehicle.angle_of_attack.smoothing = [0, 5]",
+        "grid.vehicle.angle_of_attack.smoothing: at offset 5: smoothing: expected a positive number at",
+    ),
+    "the name of a model": (
+        "vehicle.aerodynamics.model = [0, 1]",
+        "grid.vehicle.aerodynamics.model: expected a number that leaves the structure",
+    ),
     "an axis given twice": (
         "speed_m_per_s = [0, 1]\nentry.speed_km_per_s = [0, 1]",
         "grid.entry.speed_km_per_s: speed has an axis already; remove one of them",
