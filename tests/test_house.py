@@ -16,7 +16,6 @@ FUNCTION_LINES = 60  # its docstring included
 # what is open still; the lists may only shrink
 LONG_FILES = {
     "ampi/scp/condensed/family.py",
-    "database/build.py",
 }
 LONG_FUNCTIONS = {
     "ampi.scp.condensed.quadratic_model.quadratic_subproblem",
@@ -67,12 +66,12 @@ def imports(path: Path, modules: set[str]) -> set[str]:
 
 def test_no_file_is_longer_than_a_reader_takes_in() -> None:
     lines = {str(p.relative_to(ROOT)): len(p.read_text("utf-8").splitlines()) for p in FILES}
-    assert {name for name, count in lines.items() if count > FILE_LINES} == LONG_FILES
+    assert {name for name, count in lines.items() if count > FILE_LINES} <= LONG_FILES
 
 
 def test_no_function_is_longer_than_a_screen() -> None:
     lines = {name: count for path in FILES for name, count in functions(path).items()}
-    assert {name for name, count in lines.items() if count > FUNCTION_LINES} == LONG_FUNCTIONS
+    assert {name for name, count in lines.items() if count > FUNCTION_LINES} <= LONG_FUNCTIONS
 
 
 def test_every_module_is_read_from_a_door() -> None:
@@ -86,9 +85,21 @@ def test_every_module_is_read_from_a_door() -> None:
             reached.add(module)
             open_ += imports(modules[module], set(modules))
             open_ += [module.rpartition(".")[0]] if "." in module else []
-    assert set(modules) - reached == UNREACHED
+    assert set(modules) - reached <= UNREACHED
 
 
 @pytest.mark.parametrize("path", [p for p in FILES if p.name != "__init__.py"], ids=module_of)
 def test_a_module_says_what_it_is(path: Path) -> None:
     assert ast.get_docstring(ast.parse(path.read_text(encoding="utf-8")))
+
+
+def test_the_reading_order_leads_through_files_that_are_there() -> None:
+    page = ROOT / "docs" / "reading_order.md"
+    lines = page.read_text(encoding="utf-8").splitlines()
+    assert len(lines) <= 120
+    folder = ROOT
+    for name in re.findall(r"`([\w/.]+(?:\.py|\.toml|/))`", "\n".join(lines)):
+        if "/" in name:
+            folder = ROOT / name if name.endswith("/") else (ROOT / name).parent
+        here = folder if name.endswith("/") else folder / Path(name).name  # beside the last one
+        assert here.exists(), name
