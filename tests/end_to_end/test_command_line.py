@@ -171,6 +171,7 @@ def test_fly_and_report(folder: Path) -> None:
     [
         (("solve", "shefex4"), "or the path of a .toml file, got 'shefex4'"),
         (("build", "shefex3", "absent/a.h5"), "the folder absent does not exist"),
+        (("build", "shefex3", "."), "expected a file to write, got a folder"),
         (("audit", "absent.h5"), "absent.h5: no such file; make one with: ampi build"),
         (
             ("guide", "small.h5", "--speed", "nan"),
@@ -333,8 +334,11 @@ def test_a_method_of_the_literature_says_what_is_open(
     text = load_mission(mission).toml
     assert text.count(longitudes[0]) == 1
     (tmp_path / "far.toml").write_text(text.replace(*longitudes))
-    told = run("solve", "far.toml", "--method", method, cwd=tmp_path, code=2).stderr
-    assert re.search(r"Open: .*(from the target|above its limit|too (high|low))", unwrapped(told))
+    done = run("solve", "far.toml", "--method", method, cwd=tmp_path, code=2)
+    told = unwrapped(done.stderr)
+    assert re.search(r"Open: .*(from the target|above its limit|too (high|low))", told)
+    assert "nan" not in done.output
+    assert "Open: " not in done.stdout  # it is the error
 
 
 def test_a_build_refuses_what_its_method_does_not_know(tmp_path: Path) -> None:
@@ -357,6 +361,7 @@ def test_a_database_of_another_mission_is_never_overwritten(folder: Path, tmp_pa
     run("build", "light.toml", "light.h5", cwd=tmp_path)
     mixed = run("report", "light.h5", folder / "few.npz", cwd=tmp_path, code=2).stderr
     assert "flown from a database of another mission" in mixed
+    assert "(also shefex3, with other numbers or axes)" in mixed
     assert not (tmp_path / "report.html").exists()
 
 
