@@ -24,7 +24,7 @@ from __future__ import annotations
 import hashlib
 import os
 import zlib
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
@@ -42,11 +42,10 @@ from ampi.trajectory import Statistics, Status, Trajectory
 
 Array = NDArray[np.float64]
 
-# 4: with the peaks of three limits only; 3: without time_limit; 2: and without target_multipliers;
-# 1: and with six parameter axes always
-SCHEMA_VERSION = 5
+# 5: with solver_settings, and another digest; 4: with the peaks of three limits only; 3: without
+# time_limit; 2: and without target_multipliers; 1: and with six parameter axes always
+SCHEMA_VERSION = 6
 DIGEST = "content_sha256"
-ROW_NUMBERS = 2**20  # of a dataset, read at once for its digest
 SEAL_BYTES = 512  # the smallest HDF5 user block; readers skip it
 
 
@@ -103,8 +102,12 @@ class TrajectoryDataset:
         )
 
 
-def content_digest(file: h5py.File) -> str:
-    """SHA-256 over names, shapes, types, attributes and values of everything but the digest."""
+def content_digest(file: h5py.File, known: Mapping[str, bytes] | None = None) -> str:
+    """SHA-256 over names, shapes, types, attributes and values of everything but the digest.
+
+    The values of a dataset enter as the SHA-256 of its chunks' `chunk_digest`s in their order: `known`
+    by its name, or read.
+    """
     digest = hashlib.sha256()
 
     def add_attributes(node: h5py.HLObject) -> None:
@@ -114,29 +117,32 @@ def content_digest(file: h5py.File) -> str:
                 text = [str(v) for v in value] if isinstance(value, np.ndarray) else str(value)
                 digest.update(f"{key}={text}".encode())
 
-    with ThreadPoolExecutor(1) as hashing:  # one part while the next is being read
-        add_attributes(file)
-        for name in sorted(file):
-            dataset = file[name]
-            digest.update(f"{name}:{dataset.shape}:{dataset.dtype}".encode())
-            add_attributes(dataset)
-            last = None
-            for part in _rows(dataset.shape):
-                values = np.ascontiguousarray(dataset[part]).tobytes()
-                if last is not None:
-                    last.result()
-                last = hashing.submit(digest.update, values)
-            if last is not None:
-                last.result()
+    add_attributes(file)
+    for name in sorted(file):
+        dataset = file[name]
+        digest.update(f"{name}:{dataset.shape}:{dataset.dtype}".encode())
+        add_attributes(dataset)
+        digest.update((known or {}).get(name) or _values_digest(dataset))
     return digest.hexdigest()
 
 
-def _rows(shape: tuple[int, ...]) -> Iterator[tuple[int, ...]]:
-    """Leading indices of parts that are read one after the other: a file may exceed the memory."""
-    depth = 0
-    while depth < len(shape) and np.prod(shape[depth:]) > ROW_NUMBERS:
-        depth += 1
-    yield from np.ndindex(shape[:depth])
+def _values_digest(dataset: h5py.Dataset) -> bytes:
+    """A chunk at a time: a file may exceed the memory."""
+    digest, last = hashlib.sha256(), None
+    with ThreadPoolExecutor(1) as hashing:  # one chunk while the next is being read
+        for part in dataset.iter_chunks() if dataset.chunks else (...,):  # forged: ours have chunks
+            values = dataset[part]
+            if last is not None:
+                digest.update(last.result())
+            last = hashing.submit(chunk_digest, values)
+        if last is not None:
+            digest.update(last.result())
+    return digest.digest()
+
+
+def chunk_digest(values: NDArray[Any]) -> bytes:
+    """SHA-256 of the values of a chunk, in the type of its dataset, as far as they lie inside that."""
+    return hashlib.sha256(values.tobytes()).digest()
 
 
 # HDF5's own bookkeeping of dimension scales: object references, which depend on the file's layout.

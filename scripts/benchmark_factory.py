@@ -3,6 +3,16 @@
 python scripts/benchmark_factory.py                 print the table
 python scripts/benchmark_factory.py --json          print the numbers
 python scripts/benchmark_factory.py --repeats 5     medians over more runs
+python scripts/benchmark_factory.py --once 5 6 2 stand-in 2      one build: points, axes, workers, cores
+
+The split of a build, in processor time per case: d of the driver, which no worker can take from it, and
+w of the workers. If nothing that the driver does overlaps with what they do, n workers take d + w/n a
+case, and a single one d + w. So the efficiency is, ideal time over the time that it takes,
+
+    E(n) = ((d + w) / n) / (d + w / n) = (d + w) / (n d + w).
+
+Start-up and nominal case, in which one worker alone is busy, are in d and w, but nobody waits for them
+in E: `nominal_seconds` says how long they take.
 """
 
 from __future__ import annotations
@@ -58,9 +68,15 @@ def build_once(points: int, dimensions: int, jobs: int, solver: str, cores: int)
     confine(cores)
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "grid.h5"
-        began = time.perf_counter()
-        report = database.build(mission, path, n_jobs=jobs, solver=SOLVERS[solver])
+        began, before, nominal = time.perf_counter(), processor_times(), list[float]()
+
+        def advance(count: int) -> None:
+            if count and not nominal:
+                nominal.append(time.perf_counter() - began)
+
+        report = database.build(mission, path, n_jobs=jobs, solver=SOLVERS[solver], advance=advance)
         seconds = time.perf_counter() - began
+        driver, workers = (b - a for a, b in zip(before, processor_times(), strict=True))
         return {
             "grid": f"{points}^{dimensions}",
             "cases": report.cases,
@@ -69,6 +85,12 @@ def build_once(points: int, dimensions: int, jobs: int, solver: str, cores: int)
             "processes": jobs,
             "seconds": seconds,
             "merge_seconds": report.seconds - report.solve_seconds,
+            "nominal_seconds": nominal[0],
+            "driver_seconds": driver,
+            "worker_seconds": workers,
+            "driver_ms_per_case": 1e3 * driver / report.cases,
+            "worker_ms_per_case": 1e3 * workers / report.cases,
+            "efficiency_of_16": split_efficiency(driver, workers, 16),
             "cases_per_second": report.cases / seconds,
             "driver_peak_MiB": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024,
             "largest_worker_peak_MiB": resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss
@@ -76,6 +98,17 @@ def build_once(points: int, dimensions: int, jobs: int, solver: str, cores: int)
             "file_MB": path.stat().st_size / 1e6,
             "worst_position_error_m": report.worst_position_error,
         }
+
+
+def processor_times() -> tuple[float, float]:
+    """Of this process, and of its children that have ended and theirs (s)."""
+    used = os.times()
+    return used.user + used.system, used.children_user + used.children_system
+
+
+def split_efficiency(driver: float, workers: float, count: int) -> float:
+    """E(n) of the head of this file."""
+    return (driver + workers) / (count * driver + workers)
 
 
 def in_a_process(
@@ -117,7 +150,7 @@ def measure(arguments: argparse.Namespace) -> dict[str, Any]:
     """Everything, in one run."""
     return {
         "runner": in_a_process(arguments.points, 6, 2, "stand-in"),
-        "real": in_a_process(5, 3, 2, "optimiser"),
+        "real": in_a_process(arguments.points, 6, 2, "optimiser"),
         "parallel": [efficiency(*grid, arguments.repeats) for grid in ((3, 6), (5, 5), (5, 6))],
         "machine": f"{os.cpu_count()} cores, Python {platform.python_version()}",
     }
@@ -126,15 +159,17 @@ def measure(arguments: argparse.Namespace) -> dict[str, Any]:
 def table(found: dict[str, Any]) -> str:
     """For people."""
     lines = [
-        "| grid | optimiser | cases/s | driver, peak | largest worker, peak | file | merge |",
-        "|---|---|---|---|---|---|---|",
+        "| grid | optimiser | cases/s | driver, peak | largest worker, peak | file | merge "
+        "| driver, a case | workers, a case | 16 workers: efficiency |",
+        "|---|---|---|---|---|---|---|---|---|---|",
     ]
-    for key in ("runner", "real"):
-        b = found[key]
+    for b in (found["runner"], found["real"]):
         lines.append(
             f"| {b['grid']} = {b['cases']} | {b['solver']} | {b['cases_per_second']:.0f} | "
             f"{b['driver_peak_MiB']:.0f} MiB | {b['largest_worker_peak_MiB']:.0f} MiB | "
-            f"{b['file_MB']:.1f} MB | {b['merge_seconds']:.1f} s |"
+            f"{b['file_MB']:.1f} MB | {b['merge_seconds']:.1f} s | "
+            f"{b['driver_ms_per_case']:.3f} ms | {b['worker_ms_per_case']:.2f} ms | "
+            f"{b['efficiency_of_16']:.2f} |"
         )
     lines += [
         "",

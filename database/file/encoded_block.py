@@ -18,10 +18,12 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
+from ampi.dataset import chunk_digest
 from ampi.physics.state import BANK
 from ampi.trajectory import Status
 from database.file.hdf5_file import Chunk, create
 
+LENGTH = 8  # bytes
 STATIONS = 4  # nodes at which a build compares the bank angles of neighbours
 COUNTED = ("status", "iterations", "position_error", "peak")
 SUMMARISED = (*COUNTED, "states", "message")  # the fields that a summary is of
@@ -59,23 +61,25 @@ class EncodedBlock:
     summary: BlockSummary
 
     def packed(self) -> bytes:
-        """One line of JSON, and what it describes one after the other."""
+        """The length of some JSON, that, and what it describes one after the other."""
         numbers = {n: np.ascontiguousarray(v) for n, v in self.summary.numbers.items()}
         head = {
-            "chunks": {name: (mask, len(raw)) for name, (mask, raw) in self.chunks.items()},
+            "chunks": {n: (c.mask, len(c.raw), c.digest.hex()) for n, c in self.chunks.items()},
             "numbers": {name: (v.dtype.str, v.shape) for name, v in numbers.items()},
             "unsolved": [(k, int(s), m.decode()) for k, (s, m) in self.summary.unsolved.items()],
         }
-        parts = [json.dumps(head).encode(), b"\n", *(raw for _, raw in self.chunks.values())]
+        text = json.dumps(head).encode()
+        parts = [len(text).to_bytes(LENGTH, "little"), text, *(c.raw for c in self.chunks.values())]
         return b"".join([*parts, *(values.tobytes() for values in numbers.values())])
 
     @classmethod
-    def unpacked(cls, raw: bytes) -> EncodedBlock:
+    def unpacked(cls, raw: bytes | memoryview) -> EncodedBlock:
         """What was packed."""
-        line, _, _ = raw.partition(b"\n")
-        head, place, chunks, numbers = json.loads(line), len(line) + 1, {}, {}
-        for name, (mask, size) in head["chunks"].items():
-            chunks[name] = mask, raw[place : place + size]
+        view = memoryview(raw)
+        place = LENGTH + int.from_bytes(view[:LENGTH], "little")
+        head, chunks, numbers = json.loads(bytes(view[LENGTH:place])), {}, {}
+        for name, (mask, size, digest) in head["chunks"].items():
+            chunks[name] = Chunk(mask, view[place : place + size], bytes.fromhex(digest))
             place += size
         for name, (dtype, shape) in head["numbers"].items():
             numbers[name] = np.frombuffer(raw, dtype, math.prod(shape), place).reshape(shape)
@@ -97,5 +101,6 @@ def encoded_block(values: Mapping[str, NDArray[Any]], block_shape: tuple[int, ..
             dataset[tuple(slice(n) for n in array.shape)] = array
             dataset.flush()
             mask, raw = dataset.id.read_direct_chunk((0,) * dataset.ndim)
-            chunks[name] = (mask, bytes(raw))
+            inside = dataset[tuple(slice(n) for n in array.shape)]
+            chunks[name] = Chunk(mask, raw, chunk_digest(inside))
     return EncodedBlock(chunks, BlockSummary.of(values))

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import h5py
 import numpy as np
@@ -25,7 +26,14 @@ from database.file.file_sink import FileSink
 
 Array = NDArray[np.float64]
 Slices = tuple[slice, ...]
-Chunk = tuple[int, bytes]  # which filters were left out, and the bytes that the others made
+
+
+class Chunk(NamedTuple):
+    """One field of a block, as it lies in a file."""
+
+    mask: int  # which filters were left out
+    raw: bytes | memoryview  # what the others made of the values
+    digest: bytes  # of the values (`ampi.dataset.chunk_digest`)
 
 
 def write_dataset(
@@ -44,7 +52,7 @@ def write_dataset(
 
     `values` are the fields that belong to no case; `blocks` gives the chunks of the others by field, a
     hyperslab of the grid at a time, always in the same order: the bytes of the file depend on it. What
-    is read back gives the digest, and every chunk is held against its checksum on the way.
+    is read back must be what was written; the digest of the chunks' values was made with them.
     """
     path = path.resolve()  # a link stays one, and the file is written where it leads
     temporary = path.with_name(path.name + ".tmp")
@@ -59,14 +67,19 @@ def write_dataset(
                     for name, value in values.items():
                         file[name][...] = value
                     fields = {name: file[name].id for name in FIELDS}
+                    digests = {name: hashlib.sha256() for name in FIELDS if name not in values}
                     for slices, chunks in blocks:
-                        sink.check()
                         _write_chunks(fields, slices, chunks)
+                        sink.check()
+                        _read_back(fields, slices, chunks, temporary)
+                        for name, chunk in chunks.items():
+                            digests[name].update(chunk.digest)
                     file["status"].attrs["meanings"] = "; ".join(
                         f"{int(s)} {s.name}: {s.sentence}" for s in Status
                     )
                     file.flush()
-                    digest = file.attrs[DIGEST] = content_digest(file)
+                    known = {name: found.digest() for name, found in digests.items()}
+                    digest = file.attrs[DIGEST] = content_digest(file, known)
             finally:
                 sink.check()  # before what HDF5 says of it
         seal(temporary)
@@ -82,10 +95,25 @@ def write_dataset(
 def _write_chunks(
     fields: Mapping[str, h5py.h5d.DatasetID], slices: Slices, chunks: Mapping[str, Chunk]
 ) -> None:
-    start = tuple(s.start for s in slices)
-    for name, (mask, raw) in chunks.items():
-        inner = (0,) * (fields[name].rank - len(start))
-        fields[name].write_direct_chunk((*start, *inner), raw, mask)
+    for name, chunk in chunks.items():
+        fields[name].write_direct_chunk(_place(fields[name], slices), chunk.raw, chunk.mask)
+
+
+def _read_back(
+    fields: Mapping[str, h5py.h5d.DatasetID],
+    slices: Slices,
+    chunks: Mapping[str, Chunk],
+    path: Path,
+) -> None:
+    for name, chunk in chunks.items():
+        mask, raw = fields[name].read_direct_chunk(_place(fields[name], slices))
+        if (mask, raw) != (chunk.mask, chunk.raw):
+            raise DatasetError(f"{path}: {name} does not read back as it was written")
+
+
+def _place(field: h5py.h5d.DatasetID, slices: Slices) -> tuple[int, ...]:
+    """Of a block's chunk."""
+    return (*(s.start for s in slices), *(0,) * (field.rank - len(slices)))
 
 
 def _write_scales(

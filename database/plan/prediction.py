@@ -41,10 +41,18 @@ def between(grid: Grid, cases: NDArray[np.int64]) -> NDArray[np.int64]:
     offset = np.stack(np.unravel_index(cases, grid.shape), axis=1) - np.array(grid.centre)
     strides = np.cumprod([1, *grid.shape[:0:-1]])[::-1]
     steps = np.sign(offset) * strides
-    first = np.argsort(steps == 0, axis=1, kind="stable")[:, :MOST_AXES]  # displaced axes first
-    chosen = np.array(list(product((0, 1), repeat=first.shape[1])))
-    jumps = np.concatenate([np.take_along_axis(steps, first, axis=1) @ chosen.T, steps], axis=1)
+    first = steps
+    if steps.shape[1] > MOST_AXES:
+        order = np.argsort(steps == 0, axis=1, kind="stable")  # displaced axes first
+        first = np.take_along_axis(steps, order[:, :MOST_AXES], axis=1)
+    jumps = np.concatenate([first @ _subsets(first.shape[1]), steps], axis=1)
     return np.unique((cases[:, None] - jumps)[jumps != 0])
+
+
+@lru_cache(maxsize=MOST_AXES)
+def _subsets(axes: int) -> NDArray[np.int64]:
+    """Every choice of axes, a column of zeros and ones each."""
+    return np.array(list(product((0, 1), repeat=axes))).T
 
 
 @lru_cache(maxsize=1024)  # few: the signs of the displaced axes

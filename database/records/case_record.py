@@ -53,7 +53,7 @@ class CaseRecord:
     @classmethod
     def unpacked(cls, case: int, raw: bytes, mission: Mission, label: str) -> CaseRecord:
         """The record in `raw`; ValueError if it is damaged, or of another case or build."""
-        body = unsealed(raw, mark(label, case))
+        body = bytes(unsealed(raw, mark(label, case)))
         line, _, _ = body.partition(b"\n")
         head, place = json.loads(line), len(line) + 1
         arrays = {}
@@ -90,9 +90,10 @@ def sealed(raw: bytes, start: int) -> bytes:
     return raw + zlib.crc32(raw, start).to_bytes(CHECKSUM_BYTES, "little")
 
 
-def unsealed(raw: bytes, start: int) -> bytes:
+def unsealed(raw: bytes, start: int) -> memoryview:
     """What was `sealed`; ValueError if it is not that any more."""
-    body, checksum = raw[:-CHECKSUM_BYTES], raw[-CHECKSUM_BYTES:]
+    view = memoryview(raw)
+    body, checksum = view[:-CHECKSUM_BYTES], view[-CHECKSUM_BYTES:]
     if zlib.crc32(body, start).to_bytes(CHECKSUM_BYTES, "little") != checksum:
         raise ValueError("a record does not match its checksum")
     return body

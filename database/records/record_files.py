@@ -251,7 +251,7 @@ def keeping_block(folder: Path, number: int, encoded: bytes, label: str) -> Call
     return keeping({str(block_path(folder, number)): sealed(encoded, mark(label, number))})
 
 
-def load_block(folder: Path, number: int, label: str) -> bytes | None:
+def load_block(folder: Path, number: int, label: str) -> memoryview | None:
     """A block of the build with this label; None if it is absent, damaged or another's."""
     try:
         return unsealed(block_path(folder, number).read_bytes(), mark(label, number))

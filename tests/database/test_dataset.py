@@ -227,7 +227,7 @@ def test_another_schema_version_is_refused(small_database: Path, tmp_path: Path)
         file.attrs["schema_version"] = 99
     seal(path)
     with pytest.raises(
-        DatasetError, match="schema version 99, this ampi reads version 5; read it with"
+        DatasetError, match="schema version 99, this ampi reads version 6; read it with"
     ):
         load_guidance(path)
 
