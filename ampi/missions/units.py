@@ -190,14 +190,13 @@ class Section(BaseModel):
         written: dict[str, Any] = {}
         for name, info, dimension in _fields(type(self)):
             value, default = getattr(self, name), info.default
-            if value is default or (isinstance(value, float) and repr(value) == repr(default)):
+            if value is default or (
+                isinstance(value, float | str) and repr(value) == repr(default)
+            ):
                 continue  # not where −0 stands for 0
             if dimension is not None:
-                if (
-                    dimension.is_range
-                    and isinstance(value, tuple)
-                    and len(set(map(repr, value))) == 1
-                ):
+                ends = set(map(repr, value)) if isinstance(value, tuple) else ()
+                if dimension.is_range and len(ends) == 1:
                     value = value[0]
                 unit, value = in_units(dimension.name, value)
                 name = f"{name}_{unit}"

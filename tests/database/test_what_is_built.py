@@ -64,6 +64,10 @@ FAULTS: dict[str, tuple[Callable[[Mission], Any], str]] = {
         lambda m: changed(m, "vehicle", mass="500"),
         "vehicle.mass_kg: expected a number, got '500'",
     ),
+    "a number where a range is": (
+        lambda m: changed(m, "target", azimuth=0.5),
+        "target.azimuth: expected what a mission file can say, (0.5, 0.5), got 0.5",
+    ),
     "no number": (
         lambda m: changed(m, "entry", speed=None),
         "entry.speed_m_per_s: expected a number, got None",

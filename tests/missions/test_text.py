@@ -200,6 +200,17 @@ def test_a_grid_is_given_by_its_offsets() -> None:
         assert "\n" not in str(caught.value)
 
 
+def test_a_default_that_is_written_out_is_the_same_mission() -> None:
+    """Whatever object holds it: the digest is of values."""
+    mission = SHIPPED["shefex3"]
+    text = mission.toml.replace('variable = "time"', 'variable = "time"\nshape = "line"')
+    text = text.replace("load_factor_g = 10.0", "load_factor_g = 10.0\nheat_flux_margin = 0.0")
+    assert text != mission.toml
+    assert parse_mission(text).toml == mission.toml
+    angles = mission.vehicle.angle_of_attack.model_copy(update={"shape": "".join(["li", "ne"])})
+    assert angles.as_written() == mission.vehicle.angle_of_attack.as_written()
+
+
 @pytest.mark.parametrize("title", ['"quoted" \\ back', "Ångström — °", "del \x7f", ""])
 def test_a_title_may_hold_any_character(title: str) -> None:
     mission = SHIPPED["shefex3"].model_copy(update={"title": title})
