@@ -112,7 +112,7 @@ def test_a_limit_exceeded_by_far_is_a_number_one_can_read(
     mission: Mission, nominal: Trajectory
 ) -> None:
     judged = nominal.judged_by(FlightCheck(1.0, 0.0, 0.0, {"bank_rate": 593.7}))
-    assert "uses 59,370 % of bank_rate" in verdict(mission, judged)
+    assert "uses 59,370 % of bank_rate" in outcome_sentence(mission, judged)
 
 
 def test_a_flight_that_cannot_be_integrated_is_far_off(
