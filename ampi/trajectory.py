@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ampi.missions.path_limits import KEPT
+from ampi.physics.state import N_STATES
 from ampi.pseudospectral.mesh import Mesh
 
 Array = NDArray[np.float64]
@@ -163,6 +164,12 @@ class Trajectory:
     status: Status
     statistics: Statistics = Statistics()
     target_multipliers: Array | None = None  # (rows of the target,), cost per SI unit of e
+
+    @classmethod
+    def none(cls, mesh: Mesh, status: Status) -> Trajectory:
+        """What stands for a flight that there is not: no number in it."""
+        states = np.full((N_STATES, mesh.n_nodes), np.nan)
+        return cls(mesh, states, states[0], np.nan, np.nan, status)
 
     @property
     def times(self) -> Array:

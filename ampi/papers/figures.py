@@ -13,9 +13,9 @@ from ampi.missions.loading import load_mission
 from ampi.missions.mission import Mission
 from ampi.papers.liu2015 import liu2015_case
 from ampi.papers.table import Reproduction
-from ampi.physics.planet import destination
-from ampi.physics.state import LOADS
+from ampi.physics.state import ALTITUDE, BANK, LATITUDE, LOADS, LONGITUDE, SPEED
 from ampi.propagation.reintegration import reintegrate
+from ampi.report.figures.ground_track import in_degrees, zone_edges
 from ampi.report.figures.style import INK, LIMIT_COLOUR, house_style, new_figure
 from ampi.scp.literature.energy_domain import EnergyDomain
 from ampi.scp.literature.methods import Solution
@@ -54,8 +54,8 @@ def zhou2021(found: Reproduction) -> Figure:
         "ours": found.ours["ours"],
     }
     for k, (label, t) in enumerate(flights.items()):
-        _trace(altitude, t.times, t.states[0] / 1e3, label, k)
-        _trace(bank, t.times, np.degrees(t.states[6]), label, k)
+        _trace(altitude, t.times, t.states[ALTITUDE] / 1e3, label, k)
+        _trace(bank, t.times, np.degrees(t.states[BANK]), label, k)
     flown = reintegrate(mission, flights["adaptive mesh"])
     altitude.plot(
         flown.fine_times[0], flown.fine_states[0, 0] / 1e3, ":", color=INK, label="re-integrated"
@@ -64,7 +64,7 @@ def zhou2021(found: Reproduction) -> Figure:
     for k, name in enumerate(("adaptive", "fixed", "adaptive, condition 1")):
         log = found.solutions[name].log
         count = [row.iteration for row in log]
-        norm = [np.linalg.norm(np.array(row.global_error)[:6] / units) for row in log]
+        norm = [np.linalg.norm(np.array(row.global_error)[:BANK] / units) for row in log]
         finite = [n if np.isfinite(n) and n < 1e3 else np.nan for n in norm]
         points.plot(count, [row.nodes for row in log], "o-", ms=3, color=COLOURS[k], label=name)
         error.semilogy(count, finite, "o-", ms=3, color=COLOURS[k], label=name)
@@ -82,13 +82,15 @@ def liu2015(found: Reproduction) -> Figure:
     (altitude, bank), (track, corridor) = figure.subplots(2, 2)
     for k, case in enumerate(found.ours):
         t, own = found.solutions[case].trajectory, found.ours[case]
-        _trace(altitude, t.states[3], t.states[0] / 1e3, case, k)
-        _trace(altitude, own.states[3], own.states[0] / 1e3, f"{case}, ours", k, dashed=True)
-        _trace(bank, t.times, np.degrees(t.states[6]), case, k)
+        _trace(altitude, t.states[SPEED], t.states[ALTITUDE] / 1e3, case, k)
+        _trace(
+            altitude, own.states[SPEED], own.states[ALTITUDE] / 1e3, f"{case}, ours", k, dashed=True
+        )
+        _trace(bank, t.times, np.degrees(t.states[BANK]), case, k)
     for k, case in enumerate(("no-fly zones", "without zones")):
         t = found.solutions[case].trajectory
-        _trace(track, np.degrees(t.states[1]), np.degrees(t.states[2]), case, k)
-        _trace(corridor, t.states[3], t.states[0] / 1e3, case, k)
+        _trace(track, np.degrees(t.states[LONGITUDE]), np.degrees(t.states[LATITUDE]), case, k)
+        _trace(corridor, t.states[SPEED], t.states[ALTITUDE] / 1e3, case, k)
     _zones(track, liu2015_case("no-fly zones"))
     _bounds(corridor, found.solutions["no-fly zones"])
     for axes in (altitude, corridor):
@@ -101,12 +103,8 @@ def liu2015(found: Reproduction) -> Figure:
 
 
 def _zones(axes: Axes, mission: Mission) -> None:
-    """Edges of the no-fly zones, circles on the sphere."""
-    radius = mission.flight_model.planet.equatorial_radius
-    around = np.linspace(0.0, 2.0 * np.pi, 181)
-    for zone in mission.no_fly_zone:
-        east, north = destination(zone.longitude, zone.latitude, around, zone.radius / radius)
-        axes.plot(np.degrees(east), np.degrees(north), color=LIMIT_COLOUR, linewidth=1.0)
+    for x, y in zone_edges(mission, mission.entry.longitude, in_degrees):
+        axes.plot(x, y, color=LIMIT_COLOUR, linewidth=1.0)
     axes.set_aspect("equal")
 
 
@@ -115,7 +113,7 @@ def _bounds(axes: Axes, solution: Solution) -> None:
     form, at = solution.formulation, solution.iterate
     assert isinstance(form, EnergyDomain)
     s = at.mesh.times(at.final)
-    speed = form.speed(at.states[:, 0] * form.state_scale[0], s + form.first_energy)
+    speed = form.speed(at.states[:, ALTITUDE] * form.state_scale[0], s + form.first_energy)
     bounds = [form.altitude_floors(s).max(axis=0), form.altitude_ceiling(s)]
     for bound in bounds:
         if bound is not None:
@@ -131,9 +129,9 @@ def wang2020(found: Reproduction) -> Figure:
     flights["ours"] = found.ours["ours"]
     mission = load_mission("cavh_wang2020")
     for k, (label, t) in enumerate(flights.items()):
-        _trace(altitude, t.states[3], t.states[0] / 1e3, label, k)
-        _trace(track, np.degrees(t.states[1]), np.degrees(t.states[2]), label, k)
-        _trace(bank, t.times, np.degrees(t.states[6]), label, k)
+        _trace(altitude, t.states[SPEED], t.states[ALTITUDE] / 1e3, label, k)
+        _trace(track, np.degrees(t.states[LONGITUDE]), np.degrees(t.states[LATITUDE]), label, k)
+        _trace(bank, t.times, np.degrees(t.states[BANK]), label, k)
         gap = _distance(mission, t)
         error.semilogy(t.times[1:], np.maximum(gap[1:], 1e-2), color=COLOURS[k], label=label)
     altitude.invert_xaxis()
@@ -146,9 +144,9 @@ def wang2020(found: Reproduction) -> Figure:
 
 def _distance(mission: Mission, trajectory: Trajectory) -> Array:
     """Position error at the nodes (m)."""
-    gap = reintegrate(mission, trajectory).states[0] - trajectory.states[:6]
+    gap = reintegrate(mission, trajectory).states[0] - trajectory.states[:BANK]
     radius = mission.flight_model.planet.equatorial_radius
-    east = radius * gap[1] * np.cos(trajectory.states[2])
+    east = radius * gap[1] * np.cos(trajectory.states[LATITUDE])
     return np.asarray(np.sqrt(gap[0] ** 2 + east**2 + (radius * gap[2]) ** 2))
 
 

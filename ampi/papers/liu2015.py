@@ -17,6 +17,7 @@ from ampi.papers.table import (
     summary,
 )
 from ampi.physics.planet import great_circle_distance
+from ampi.physics.state import LATITUDE, LONGITUDE
 from ampi.scp.literature.energy_domain import EnergyDomain
 from ampi.scp.literature.methods import Solution, loose_nodes
 from ampi.scp.solve import solve
@@ -120,13 +121,10 @@ def _convergence_rows(case: str, found: Solution, same: dict[str, Any]) -> list[
 def _zone_row(found: Solution) -> Row:
     """How near the track comes to each zone's edge, nodes of the solution, km."""
     mission, states = liu2015_case("no-fly zones"), found.trajectory.states
+    track = states[LONGITUDE], states[LATITUDE]
     radius = mission.flight_model.planet.equatorial_radius
     nearest = [
-        (
-            great_circle_distance(states[1], states[2], z.longitude, z.latitude, radius).min()
-            - z.radius
-        )
-        / 1e3
+        (great_circle_distance(*track, z.longitude, z.latitude, radius).min() - z.radius) / 1e3
         for z in mission.no_fly_zone
     ]
     return Row("no-fly zones: nearest to the edges", "grazed",

@@ -16,6 +16,7 @@ from ampi.missions.mission import Mission
 from ampi.missions.path_limits import PathLimits
 from ampi.physics.angles import wrapped
 from ampi.physics.planet import great_circle_distance
+from ampi.physics.state import BANK
 from ampi.propagation.reintegration import reintegrate
 from ampi.scp.literature.methods import CIRCULAR_SPEED, EARTH_RADIUS, METHODS, Solution, solve_by
 from ampi.trajectory import Trajectory
@@ -61,7 +62,7 @@ class Reproduction:
 def end_errors(mission: Mission, trajectory: Trajectory) -> dict[str, float]:
     """Re-integrated minus optimised state at the end, and the greatest use of a limit on the way."""
     flown, limits = reintegrate(mission, trajectory), PathLimits.of(mission)
-    error = flown.states[0, :, -1] - trajectory.states[:6, -1]
+    error = flown.states[0, :, -1] - trajectory.states[:BANK, -1]
     error[[1, 5]] = wrapped(error[[1, 5]])
     radius = mission.flight_model.planet.equatorial_radius
     final = trajectory.states[:, -1]

@@ -19,6 +19,7 @@ import numpy as np
 from ampi.missions.loading import load_mission
 from ampi.missions.mission import Mission
 from ampi.papers.table import UNITS, Reproduction, Row, numbers_of, solved, summary
+from ampi.physics.state import ALTITUDE, BANK
 from ampi.scp.literature.methods import METHODS, Solution
 from ampi.scp.literature.successive import StateChange
 from ampi.scp.refinement import RefinementSettings
@@ -51,14 +52,14 @@ def zhou2021(skip_slow: bool = False) -> Reproduction:
 
 def _numbers(mission: Mission, solution: Solution) -> dict[str, Any]:
     """`numbers_of`, with the global error of Eq. (41) and what the log says."""
-    error = np.array(solution.log[-1].global_error)[:6]
+    error = np.array(solution.log[-1].global_error)[:BANK]
     return {
         **numbers_of(mission, solution),
         "global_error": error.tolist(),
         "global_error_norm": float(np.linalg.norm(error / UNITS)),
         "mean_nodes": float(np.mean([row.nodes for row in solution.log])),
         "glide_seconds": solution.log[-1].final,
-        "final_altitude": float(solution.trajectory.states[0, -1]),
+        "final_altitude": float(solution.trajectory.states[ALTITUDE, -1]),
     }
 
 

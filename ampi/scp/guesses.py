@@ -17,6 +17,7 @@ from ampi.missions.final_states import TargetMiss
 from ampi.missions.mission import Mission
 from ampi.missions.path_limits import KEPT
 from ampi.physics.planet import great_circle_distance
+from ampi.physics.state import BANK
 from ampi.scp.guess import ConstantBank, constant_banks, default_guess
 from ampi.trajectory import GuessTried, Status, Trajectory
 
@@ -45,7 +46,7 @@ def from_any(mission: Mission, solve_from: SolveFrom, most_iterations: int) -> T
     """
     first = default_guess(mission)
     if first is None:
-        return _no_flight(mission)
+        return Trajectory.none(mission.pseudospectral_mesh, Status.GUESS_FAILED)
     results = [GuessResult(first, solve_from(first, most_iterations))]
     if results[0].trajectory.status.ok:
         return results[0].trajectory
@@ -99,7 +100,7 @@ def _numbered(results: Sequence[GuessResult]) -> list[GuessResult]:
 
 def _is_same(one: Trajectory, other: Trajectory) -> bool:
     costs = abs(one.cost - other.cost) <= SAME_COST * max(abs(one.cost), abs(other.cost))
-    return costs and float(np.abs(one.states[6] - other.states[6]).max()) < SAME_BANK
+    return costs and float(np.abs(one.states[BANK] - other.states[BANK]).max()) < SAME_BANK
 
 
 def _badness(mission: Mission, trajectory: Trajectory) -> tuple[int, float, float]:
@@ -118,9 +119,3 @@ def _badness(mission: Mission, trajectory: Trajectory) -> tuple[int, float, floa
     excess = max(trajectory.statistics.limit_excess)
     opened = (excess if excess > KEPT else 0.0) + share
     return 1 if trajectory.status.converged else 2, opened, trajectory.cost
-
-
-def _no_flight(mission: Mission) -> Trajectory:
-    mesh = mission.pseudospectral_mesh
-    nothing = np.full((7, mesh.n_nodes), np.nan)
-    return Trajectory(mesh, nothing, nothing[0], np.nan, np.nan, Status.GUESS_FAILED)

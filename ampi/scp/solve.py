@@ -9,12 +9,12 @@ from dataclasses import replace
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
 from threadpoolctl import ThreadpoolController
 
 from ampi.missions.family import MissionFamily
 from ampi.missions.mission import Mission
 from ampi.missions.sections import GuessSection
+from ampi.physics.state import N_STATES
 from ampi.propagation.reintegration import flown_again
 from ampi.scp.condensed.exact_hessian import ExactHessianIteration, SolverSettings
 from ampi.scp.condensed.family import kind, newton
@@ -189,9 +189,9 @@ def _refuse_other_kinds(mission: Any, guess: Any, settings: Any, refinement: Any
             f"guess: expected a Trajectory, a ConstantBank (rad) or None, got {guess!r}; a bank angle "
             "is a guess as ampi.ConstantBank(bank_angle)"
         )
-    if isinstance(guess, Trajectory) and guess.states.shape != (7, guess.mesh.n_nodes):
+    if isinstance(guess, Trajectory) and guess.states.shape != (N_STATES, guess.mesh.n_nodes):
         raise MethodError(
-            f"guess: expected states of shape (7, {guess.mesh.n_nodes}), those of its mesh, got "
+            f"guess: expected states of shape {(N_STATES, guess.mesh.n_nodes)}, those of its mesh, got "
             f"{guess.states.shape}"
         )
     for name, value, expected in (
@@ -216,9 +216,7 @@ def _by_the_literature(
         found = solve_by(mission, METHODS[method], subproblem or solve_sparse_subproblem)
     if found is not None:
         return found.trajectory
-    mesh = mission.pseudospectral_mesh
-    nothing = np.full((7, mesh.n_nodes), np.nan)
-    return Trajectory(mesh, nothing, nothing[0], np.nan, np.nan, Status.GUESS_FAILED)
+    return Trajectory.none(mission.pseudospectral_mesh, Status.GUESS_FAILED)
 
 
 def _one_blas_thread() -> AbstractContextManager[object]:

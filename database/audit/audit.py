@@ -32,6 +32,7 @@ from ampi.missions.path_limits import PathLimits
 from ampi.onboard.reference import Mode, ReferenceGenerator
 from ampi.onboard.table import GuidanceTable
 from ampi.physics.planet import great_circle_distance
+from ampi.physics.state import ALTITUDE, BANK, LATITUDE, LONGITUDE, SPEED
 from ampi.propagation.adaptive_step import IntegrationError
 from ampi.propagation.reintegration import reintegrate_many
 from ampi.scp.solve import optimum
@@ -291,7 +292,7 @@ def nodal_reference(table: GuidanceTable, mode: Mode, point: Array) -> tuple[Arr
 
 def _errors(mission: Mission, truth: Trajectory, states: Array, final_time: float) -> Array:
     flown = states.copy()
-    flown[:6, 0] = mission.entry_state
+    flown[:BANK, 0] = mission.entry_state
     target, mesh = mission.target, mission.pseudospectral_mesh
     try:
         end = reintegrate_many(
@@ -301,13 +302,15 @@ def _errors(mission: Mission, truth: Trajectory, states: Array, final_time: floa
         miss = np.inf
     else:
         radius = mission.flight_model.planet.equatorial_radius
-        miss = great_circle_distance(end[1], end[2], target.longitude, target.latitude, radius)
+        miss = great_circle_distance(
+            end[LONGITUDE], end[LATITUDE], target.longitude, target.latitude, radius
+        )
     difference = np.abs(on_turn_of_rows(states, truth.states) - truth.states).max(axis=1)
     return np.array(
         [
-            difference[0],
-            difference[3],
-            np.degrees(difference[6]),
+            difference[ALTITUDE],
+            difference[SPEED],
+            np.degrees(difference[BANK]),
             abs(final_time - truth.final_time),
             miss / 1e3,
         ]

@@ -42,13 +42,13 @@ from numpy.typing import NDArray
 from ampi.dataset import TrajectoryDataset
 from ampi.missions.path_limits import KEPT, PathLimits
 from ampi.physics.angles import on_turn_of
-from ampi.physics.state import STATES
+from ampi.physics.state import CIRCULAR_STATES, STATES
 from database.plan.grid import Grid
 
 Array = NDArray[np.float64]
 
 ROWS = (*STATES, "final_time")
-ANGULAR = np.isin(ROWS, ("longitude", "azimuth", "bank_angle"))  # the same modulo a turn
+ANGULAR = np.isin(np.arange(len(ROWS)), CIRCULAR_STATES)
 # The 729 optima of SHEFEX-3 reach 5 (their 2187 with density 6), a case of its other branch 16 to 40.
 THRESHOLD = 10.0
 RESOLUTION = 1e-5

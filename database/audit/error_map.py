@@ -35,14 +35,14 @@ from ampi.trajectory import Trajectory
 from ampi.workers.job import JobError, finished
 from ampi.workers.supervisor import in_workers
 from database.audit.branches import halfway
-from database.audit.coherence import chord_misses, family_rows, on_turn_of_rows
+from database.audit.coherence import ROWS, chord_misses, family_rows, on_turn_of_rows
 from database.plan.grid import Grid
 
 Array = NDArray[np.float64]
 
 PERCENTILE = 90.0
 COLUMNS = ("altitude_m", "speed_m_per_s", "bank_deg", "final_time_s")
-ROW_OF = (0, 3, 6, 7)  # of coherence.ROWS
+ROW_OF = tuple(ROWS.index(row) for row in ("altitude", "speed", "bank_angle", "final_time"))
 TO_PRINTED = np.array([1.0, 1.0, np.degrees(1.0), 1.0])
 LINES = 6  # lines of the grid probed on an axis of two points
 

@@ -12,8 +12,6 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 
-import numpy as np
-
 from ampi.missions.mission import Mission
 from ampi.pseudospectral.mesh import Mesh
 from ampi.scp.solve import optimum, solve_family
@@ -136,5 +134,4 @@ def stopped_after(seconds: float) -> Iterator[None]:
 
 def no_trajectory(mesh: Mesh) -> Trajectory:
     """What stands for a case that raised, hung or killed its process."""
-    nan = np.full((7, mesh.n_nodes), np.nan)
-    return Trajectory(mesh, nan, nan[0], np.nan, np.nan, Status.ERROR)
+    return Trajectory.none(mesh, Status.ERROR)

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from ampi.missions.mission import Mission
 from ampi.onboard.reference import Mode
 from ampi.physics.angles import wrapped
-from ampi.physics.state import CIRCULAR_STATES
+from ampi.physics.state import BANK, CIRCULAR_STATES, LATITUDE, LONGITUDE, SPEED
 from ampi.report.figures.ground_track import (
     TrackBundle,
     draw_ground_tracks,
@@ -127,10 +127,10 @@ def campaign_controls(mission: Mission, campaigns: Mapping[str, Flights]) -> Fig
     for column, (name, flights) in enumerate(shown.items()):
         model = mission.family(flights.parameters).flight_model(trailing=1)
         schedule = model.vehicle.angle_of_attack
-        alive = np.where(np.isfinite(flights.states[:, 3]), 1.0, np.nan)
+        alive = np.where(np.isfinite(flights.states[:, SPEED]), 1.0, np.nan)
         values = (
-            schedule(flights.times, flights.states[:, 3]) * alive,
-            flights.states[:, 6],
+            schedule(flights.times, flights.states[:, SPEED]) * alive,
+            flights.states[:, BANK],
             flights.bank_rate,
         )
         panels[column].set_title(name, parse_math=False)
@@ -186,8 +186,8 @@ def _tracks(flights: Flights, width: float) -> TrackBundle:
     _, states = _flown(flights)
     style = MODE_STYLES[flights.mode]
     return TrackBundle(
-        longitude=states[:, 1],
-        latitude=states[:, 2],
+        longitude=states[:, LONGITUDE],
+        latitude=states[:, LATITUDE],
         final=flights.final_states[:, 1:3],
         colour=style.colour,
         marker=style.marker,

@@ -14,6 +14,7 @@ from ampi.missions.family import MissionFamily
 from ampi.missions.mission import Mission
 from ampi.onboard.reference import Mode
 from ampi.onboard.table import GuidanceTable
+from ampi.physics.state import BANK, SPEED
 from ampi.report.figures.ground_track import (
     TrackBundle,
     draw_ground_tracks,
@@ -87,7 +88,9 @@ def database_states(mission: Mission, table: GuidanceTable) -> Figure:
     """The first six states of every optimum over time [Fig. 4]."""
     database = HighDensityDatabase.of(table)
     figure, panels = panel_grid([q.label for q in ENTRY_QUANTITIES], 2)
-    for axes, quantity, values in zip(panels, ENTRY_QUANTITIES, database.states[:6], strict=True):
+    for axes, quantity, values in zip(
+        panels, ENTRY_QUANTITIES, database.states[:BANK], strict=True
+    ):
         _draw_cases(axes, database, quantity, values)
     place_legend(figure, _keys(database))
     return figure
@@ -99,8 +102,8 @@ def database_controls(mission: Mission, table: GuidanceTable) -> Figure:
     database = HighDensityDatabase.of(table)
     schedule = table_family(mission, table).flight_model(trailing=1).vehicle.angle_of_attack
     values = (
-        schedule(database.times, database.states[3]),
-        database.states[6],
+        schedule(database.times, database.states[SPEED]),
+        database.states[BANK],
         database.bank_rate,
     )
     figure, panels = panel_grid([q.label for q in CONTROL_QUANTITIES], 1)

@@ -84,7 +84,7 @@ def draw_ground_tracks(axes: Axes, mission: Mission, bundles: list[TrackBundle])
         axes.set(xlabel=EAST.label, ylabel=NORTH.label)
         axes.set_aspect("equal", adjustable="datalim")
     else:
-        place = _degrees
+        place = in_degrees
         axes.set(xlabel=LONGITUDE.label, ylabel=LATITUDE.label)
         axes.set_aspect(1.0 / np.cos(middle), adjustable="datalim")
         number_on_one_turn(axes.xaxis)
@@ -94,7 +94,7 @@ def draw_ground_tracks(axes: Axes, mission: Mission, bundles: list[TrackBundle])
         axes.plot(x[:, 0], y[:, 0], ".", color=INK, markersize=3.5, zorder=3)
     ends = np.concatenate([b.final[:, 0] for b in bundles])
     target = target_longitude(mission, ends)
-    for x, y in _zones(mission, float(np.nanmean(bundles[0].longitude)), place):
+    for x, y in zone_edges(mission, float(np.nanmean(bundles[0].longitude)), place):
         axes.plot(x, y, color=LIMIT_COLOUR, linewidth=1.2, linestyle=(0, (5, 3)))
     x, y = place(np.array([target]), np.array([mission.target.latitude]))
     axes.plot(x, y, "*", color=TARGET_COLOUR, markersize=11, zorder=4)
@@ -130,7 +130,8 @@ def track_keys(mission: Mission) -> list[Line2D]:
     return [*keys, zone] if mission.no_fly_zone else keys
 
 
-def _degrees(longitude: Array, latitude: Array) -> Points:
+def in_degrees(longitude: Array, latitude: Array) -> Points:
+    """A chart of longitude over latitude."""
     return LONGITUDE.shown(longitude), LATITUDE.shown(latitude)
 
 
@@ -142,7 +143,9 @@ def _plane(mission: Mission) -> Callable[[Array, Array], Points]:
     return place
 
 
-def _zones(mission: Mission, near: float, place: Callable[[Array, Array], Points]) -> list[Points]:
+def zone_edges(
+    mission: Mission, near: float, place: Callable[[Array, Array], Points]
+) -> list[Points]:
     """Edges of the no-fly zones, on the turn of longitude `near` (rad)."""
     radius = mission.flight_model.planet.equatorial_radius
     around = np.linspace(0.0, TURN, 181)

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from ampi.physics.angles import on_turn_of
 from ampi.physics.planet import bearing
+from ampi.physics.state import ALTITUDE, SPEED
 from ampi.scp.literature.coast import Coast
 from ampi.scp.literature.energy_domain import EnergyDomain
 
@@ -34,10 +35,10 @@ def lifted_lines(form: EnergyDomain, level: Coast, s: Array) -> Array:
 
 def _altitude(form: EnergyDomain, level: Coast, s: Array) -> Array:
     """Zero bank until level, a straight line to the target, both within the bounds (n,), m."""
-    flown = form.energy(level.states[0], level.states[3]) - form.first_energy
+    flown = form.energy(level.states[ALTITUDE], level.states[SPEED]) - form.first_energy
     last = form.mission.target.altitude
-    descent = np.interp(s, flown, level.states[0])
-    glide = np.interp(s, [flown[-1], s[-1]], [level.states[0, -1], last])
+    descent = np.interp(s, flown, level.states[ALTITUDE])
+    glide = np.interp(s, [flown[-1], s[-1]], [level.states[ALTITUDE, -1], last])
     altitude = np.where(s < flown[-1], descent, glide)
     altitude = np.maximum(altitude, form.altitude_floors(s).max(axis=0) + CLEARANCE)
     ceiling = form.altitude_ceiling(s)
