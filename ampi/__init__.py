@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from ampi.missions.mission import Mission
     from ampi.onboard.health import Health
     from ampi.onboard.reference import Mode, Reference
-    from ampi.scp.condensed.exact_hessian import SolverSettings
+    from ampi.scp.condensed.settings import SolverSettings
     from ampi.scp.guess import ConstantBank
     from ampi.scp.problem.capabilities import MethodError
     from ampi.scp.refinement import RefinementSettings
@@ -52,7 +52,7 @@ _HOME = {
     "Mode": "ampi.onboard.reference",
     "Reference": "ampi.onboard.reference",
     "RefinementSettings": "ampi.scp.refinement",
-    "SolverSettings": "ampi.scp.condensed.exact_hessian",
+    "SolverSettings": "ampi.scp.condensed.settings",
     "Status": "ampi.trajectory",
     "Trajectory": "ampi.trajectory",
     "fly": "ampi.simulation.monte_carlo",

@@ -31,6 +31,7 @@ class Status(IntEnum):
     ERROR = 7
     REFINEMENT_LIMIT = 8
     INACCURATE = 9
+    TIME_LIMIT = 10
 
     def __str__(self) -> str:
         return self.name
@@ -65,6 +66,7 @@ _SENTENCES = {
     Status.TARGET_MISSED: "Converged, but the flight ends outside the tolerances of the target.",
     Status.LIMITS_EXCEEDED: "Converged, but a path limit cannot be kept; the excess is reported.",
     Status.ITERATION_LIMIT: "Stopped at the iteration limit before the step became small.",
+    Status.TIME_LIMIT: "Stopped at the time limit before the step became small.",
     Status.STALLED: "Stopped: the trust region collapsed without a step that improves the merit.",
     Status.SUBPROBLEM_FAILED: "Stopped: the convex subproblem returned no usable step.",
     Status.GUESS_FAILED: "Not started: the initial guess could not be flown on this mesh.",

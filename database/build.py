@@ -36,7 +36,7 @@ from ampi.dataset import (
 )
 from ampi.missions.mission import Mission
 from ampi.propagation.reintegration import flown_again
-from ampi.scp.condensed.exact_hessian import SolverSettings
+from ampi.scp.condensed.settings import SolverSettings
 from ampi.scp.problem.capabilities import check
 from ampi.scp.problem.scaled_problem import OptimalControlProblem
 from ampi.scp.problem.shortfall import outcome_sentence
@@ -370,7 +370,7 @@ def _refuse_unknown(mission: Mission, solver: Solver, settings: SolverSettings |
         )
     if not isinstance(settings, SolverSettings | None):
         raise BuildError(f"settings: expected SolverSettings or None, got {settings!r}")
-    rows = OptimalControlProblem.from_mission(mission).target.state
+    rows = OptimalControlProblem.of(mission).target.state
     points = [mission.nominal_parameters]
     for i, axis in enumerate(mission.grid_axes):
         for value in axis:
@@ -380,7 +380,7 @@ def _refuse_unknown(mission: Mission, solver: Solver, settings: SolverSettings |
         there = mission.with_parameters(point)
         if solver is solve:
             check(there, "exact_hessian")
-        if not np.array_equal(OptimalControlProblem.from_mission(there).target.state, rows):
+        if not np.array_equal(OptimalControlProblem.of(there).target.state, rows):
             i = int(np.flatnonzero(point != points[0])[0])
             raise BuildError(
                 f"grid.{mission.parameters[i].key}: expected a target of the same rows at every point, "

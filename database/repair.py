@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ampi.dataset import TrajectoryDataset, partial_folder, read_dataset
-from ampi.scp.condensed.exact_hessian import SolverSettings
+from ampi.scp.condensed.settings import SolverSettings
 from ampi.scp.solve import solve
 from ampi.trajectory import Trajectory
 from database.audit.branches import Branches, branches, continued, same_optimum

@@ -26,6 +26,7 @@ def disagreements(mission: MissionSections) -> list[str]:
         ("planet atmosphere vehicle limits target", _target_keeps_limits),
         ("planet limits entry target no_fly_zone", _zones_are_clear),
         ("limits guess", _guess_keeps_its_limit),
+        ("limits entry", _entry_turns_within_its_limits),
     ):
         if not all(hasattr(mission, name) for name in sections.split()):
             continue
@@ -124,6 +125,20 @@ def _zones_are_clear(mission: MissionSections) -> Iterator[str]:
                     f"{zone.radius / 1e3:.0f} km{' and its margin' if away >= zone.radius else ''}; "
                     f"move the zone or the {place}"
                 )
+
+
+def _entry_turns_within_its_limits(mission: MissionSections) -> Iterator[str]:
+    entry, limits = mission.entry, mission.limits
+    bank_angle = 0.0 if entry.bank_angle is None else on_turn_of(entry.bank_angle, 0.0)
+    for name, value, limit in (
+        ("bank_angle", bank_angle, limits.bank_angle),
+        ("bank_rate", entry.bank_rate or 0.0, limits.bank_rate),
+    ):
+        if abs(value) > limit:
+            yield (
+                f"entry.{name}: expected at most limits.{name} ({limit / u.DEGREE:.4g} in degrees) in "
+                f"size, got {value / u.DEGREE:.4g}"
+            )
 
 
 def _guess_keeps_its_limit(mission: MissionSections) -> Iterator[str]:

@@ -97,10 +97,18 @@ class MissionFamily(Generic[AnyMission]):
         """The mission with its numbers as arrays."""
         shape = (len(self), *[1] * trailing)
         columns: list[Any] = [
-            float(column[0]) if len(self) and np.all(column == column[0]) else column.reshape(shape)
+            float(column[0]) if _is_one_number(column) else column.reshape(shape)
             for column in self.values.T
         ]
         return with_numbers(self.mission, zip(self.paths, columns, strict=True))
+
+
+def _is_one_number(column: Array) -> bool:
+    """Whether a number may stand for its column: zero may not, for a term that is zero is left out.
+
+    Then the expressions of a case, and its last bits, would depend on its company.
+    """
+    return len(column) > 0 and column[0] != 0.0 and bool(np.all(column == column[0]))
 
 
 def _differences(one: Any, other: Any, path: Path = ()) -> Iterator[Path]:

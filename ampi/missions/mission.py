@@ -104,13 +104,25 @@ class Mission(MissionSections):
     def _parameter_paths(self) -> tuple[Path, ...]:
         return tuple(parameter.number.path for parameter in self.parameters)
 
-    def with_entry(self, entry_state: ArrayLike) -> Mission:
-        """The same mission from another entry state (h, θ, φ, V, γ, ψ; m, rad, m/s), measured or not."""
+    def with_entry(
+        self,
+        entry_state: ArrayLike,
+        *,
+        time: float = 0.0,
+        bank_angle: float | None = None,
+        bank_rate: float | None = None,
+    ) -> Mission:
+        """The same mission from another entry state (h, θ, φ, V, γ, ψ; m, rad, m/s), measured or not.
+
+        A flight that is under way is there at `time` (s) since the entry interface, with a `bank_angle`
+        (rad) and a `bank_rate` (rad/s) that are given; None leaves them free.
+        """
         values = np.asarray(entry_state, dtype=float)
         if values.shape != (6,) or not np.all(np.isfinite(values)):
             raise ValueError(f"entry_state: expected 6 finite numbers {ENTRY_STATES}, got {values}")
-        paths = [("entry", name) for name in ENTRY_STATES]
-        return with_numbers(self, zip(paths, values.tolist(), strict=True))
+        state = dict(zip(ENTRY_STATES, values.tolist(), strict=True))
+        state |= {"time": float(time), "bank_angle": bank_angle, "bank_rate": bank_rate}
+        return self.model_copy(update={"entry": self.entry.model_copy(update=state)})
 
     def with_mesh(self, mesh: Mesh) -> Mission:
         """The same mission on another pseudospectral mesh."""
@@ -140,11 +152,13 @@ class Mission(MissionSections):
             alike = all(getattr(copied, name) is getattr(self, name) for name in sections)
             if derived in self.__dict__ and alike:
                 copied.__dict__[derived] = self.__dict__[derived]
+        mesh = self.__dict__.get("pseudospectral_mesh")
+        if mesh is not None and copied.mesh is self.mesh and copied.entry.time == self.entry.time:
+            copied.__dict__["pseudospectral_mesh"] = mesh
         return copied
 
 
 DERIVED = {  # what a mission may keep where these sections stay
     "flight_model": MODEL_SECTIONS,
-    "pseudospectral_mesh": ("mesh",),
     "parameters": tuple(name for name in Mission.model_fields if name != "mesh"),
 }

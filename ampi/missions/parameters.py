@@ -37,7 +37,11 @@ SHORT: dict[Path, str] = {
     ("vehicle", "drag_factor"): "drag_factor",
 }
 MOST_DIMENSIONS = 10
-NOT_PARAMETERS = ("grid", "mesh")
+NOT_PARAMETERS = (
+    ("grid",),
+    ("mesh",),
+    ("entry", "time"),
+)  # the nodes of the mesh depend on the time
 
 
 @dataclass(frozen=True)
@@ -93,7 +97,7 @@ def mission_numbers(section: BaseModel, path: Path = ()) -> Iterator[MissionNumb
     """Every number below `section`, once under each unit that it may be given in."""
     for name, info in type(section).model_fields.items():
         value, here = getattr(section, name), (*path, name)
-        if not path and name in NOT_PARAMETERS:
+        if here in NOT_PARAMETERS:
             continue
         if isinstance(value, BaseModel):
             yield from mission_numbers(value, here)

@@ -23,7 +23,11 @@ MODEL_SECTIONS = ("planet", "atmosphere", "vehicle")  # what the flight model is
 
 
 class EntrySection(Section):
-    """State at the entry interface, Table 1; the bank angle there is free."""
+    """State at the entry interface, Table 1; the bank angle and its rate there are free unless given.
+
+    A flight that is under way starts at a later `time`: the angle of attack and the mesh go by it, and
+    phases of the mesh that are over by then are dropped.
+    """
 
     altitude: u.Length = Field(ge=0, le=130e3)
     longitude: u.CircularAngle = Field(ge=-2 * TURN, le=2 * TURN)
@@ -31,6 +35,9 @@ class EntrySection(Section):
     speed: u.Speed = Field(ge=10, le=12e3)
     flight_path_angle: u.Angle = Field(gt=-0.5 * np.pi, lt=0.5 * np.pi)
     azimuth: u.CircularAngle = Field(ge=-2 * TURN, le=2 * TURN)
+    bank_angle: u.CircularAngle | None = Field(default=None, ge=-TURN, le=TURN)
+    bank_rate: u.AngularRate | None = None
+    time: u.Time = Field(default=0.0, ge=0)
 
 
 class TargetSection(Section):
@@ -275,7 +282,7 @@ class MissionSections(Section):
     @cached_property
     def pseudospectral_mesh(self) -> Mesh:
         """Phases and segments of the transcription."""
-        return self.mesh.build()
+        return self.mesh.build().after(self.entry.time)
 
     @property
     def entry_state(self) -> NDArray[np.float64]:

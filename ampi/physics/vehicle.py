@@ -50,7 +50,8 @@ class AngleOfAttackSchedule:
         """Angle of attack (rad) at `time` (s) and `speed` (m/s)."""
         variable = time if self.variable == "time" else speed
         fraction = (variable - self.start) / (self.end - self.start)
-        if np.any(self.smoothing > 0.0):
+        # a number that is zero is a term that is not there: symbols have no truth value
+        if not (isinstance(self.smoothing, float) and self.smoothing == 0.0):
             width = self.smoothing / (self.end - self.start)
             s2 = width * width
             before, after = np.sqrt(fraction**2 + s2), np.sqrt((fraction - 1.0) ** 2 + s2)

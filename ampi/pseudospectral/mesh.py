@@ -6,6 +6,7 @@ time on the mesh is affine in t_f:
 
     t = a + b t_f,     h = α + β t_f  (half-length of a segment).                (1)
 
+A flight that is under way starts at a later time: the mesh `after` it has no phase that is over.
 One phase with one segment is the global interval of Sagliano et al. 2016.
 """
 
@@ -33,12 +34,12 @@ class Segment:
     start: tuple[float, float]  # (a, b)
     half_length: tuple[float, float]  # (α, β)
 
-    @property
+    @cached_property
     def nodes(self) -> slice:
         """All nodes of the segment, its first (not collocated) included."""
         return slice(self.first_node, self.first_node + self.rule.degree + 1)
 
-    @property
+    @cached_property
     def collocation(self) -> slice:
         """The segment's columns among all collocation points of the mesh."""
         return slice(self.first_node, self.first_node + self.rule.degree)
@@ -76,9 +77,10 @@ class Phase:
 
 @dataclass(frozen=True)
 class Mesh:
-    """Phases in order of time; only the last one is free."""
+    """Phases in order of time from `start` (s) on; only the last one is free."""
 
     phases: tuple[Phase, ...]
+    start: float = 0.0
 
     def __post_init__(self) -> None:
         ends = [phase.end for phase in self.phases]
@@ -87,14 +89,15 @@ class Mesh:
             raise ValueError(
                 f"mesh: every phase but the last needs an end time, the last must be free; got {ends}"
             )
-        if any(late <= early for early, late in pairwise([0.0, *fixed])):
-            raise ValueError(f"mesh: phase ends must increase from zero, got {fixed} s")
+        if any(late <= early for early, late in pairwise([self.start, *fixed])):
+            begin = f"{self.start:g} s" if self.start else "zero"
+            raise ValueError(f"mesh: phase ends must increase from {begin}, got {fixed} s")
 
     @cached_property
     def segments(self) -> tuple[Segment, ...]:
         """All segments in order of time."""
         found: list[Segment] = []
-        node, begin = 0, 0.0
+        node, begin = 0, self.start
         for phase in self.phases:
             length = (-begin, 1.0) if phase.end is None else (phase.end - begin, 0.0)
             for degree, (left, right) in zip(phase.degrees, pairwise(phase.cuts), strict=True):
@@ -112,6 +115,11 @@ class Mesh:
                 node += degree
             begin = phase.end if phase.end is not None else begin
         return tuple(found)
+
+    def after(self, time: float) -> Mesh:
+        """The rest of it from `time` (s) on: phases that are over are dropped, the others keep all."""
+        left = tuple(phase for phase in self.phases if phase.end is None or phase.end > time)
+        return self if time == self.start else Mesh(left, time)
 
     @property
     def n_nodes(self) -> int:

@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 
 from ampi.missions.mission import Mission
 from ampi.physics.angles import on_turn_of, wrapped
-from ampi.physics.equations_of_motion import equations_of_motion
 from ampi.physics.planet import bearing, great_circle_distance
 from ampi.physics.state import (
     ALTITUDE,
@@ -23,10 +22,13 @@ from ampi.physics.state import (
     CIRCULAR_STATES,
     LATITUDE,
     LONGITUDE,
+    N_STATES,
     SPEED,
 )
 from ampi.propagation.adaptive_step import Accuracy, Integration, IntegrationError, Stop, integrate
 from ampi.pseudospectral.mesh import Mesh
+from ampi.tracing.dynamics import Physics, node_dynamics
+from ampi.tracing.node_functions import NodeFunctions
 from ampi.trajectory import Trajectory
 
 Array = NDArray[np.float64]
@@ -64,25 +66,31 @@ class NodalGuess:
 def constant_bank_guess(mission: Mission, guess: ConstantBank) -> NodalGuess | None:
     """The flight of `guess` sampled at the nodes; None if it never slows to the target speed."""
     legs = _fly(mission, guess)
-    last_phase_start = max((p.end for p in mission.mesh.phase if p.end is not None), default=0.0)
+    mesh = mission.pseudospectral_mesh
+    last_phase_start = max((p.end for p in mesh.phases if p.end is not None), default=mesh.start)
     if legs is None or legs[-1].end <= 1.05 * last_phase_start:
         return None
-    mesh, final_time = mission.pseudospectral_mesh, legs[-1].end
+    final_time = legs[-1].end
     nodal = _sampled(legs, mesh.times(final_time))
     rate = np.zeros(mesh.n_nodes)
-    if guess.heading_corridor is not None:
+    if guess.heading_corridor is not None or mission.entry.bank_angle is not None:
         rate = collocated_rate(mesh, nodal[:, 6], final_time)
     return NodalGuess(nodal, rate, final_time)
 
 
 def _fly(mission: Mission, guess: ConstantBank) -> list[Integration] | None:
     """The legs between reversals; None if the flight never slows to the target speed."""
-    model, target = mission.flight_model, mission.target
-    state = np.append(mission.entry_state, guess.bank_angle)
+    entry, target = mission.entry, mission.target
+    physics = Physics.of(mission.flight_model, NodeFunctions(), 1.0)
+    function = node_dynamics(physics.structure, (1.0,) * N_STATES).values
+    start = guess.bank_angle if entry.bank_angle is None else entry.bank_angle
+    state = np.append(mission.entry_state, start)
     command, legs = guess.bank_angle, list[Integration]()
 
     def rates(t: float, x: Array) -> Array:
-        return np.array(equations_of_motion(model, x, (command - x[BANK]) / ROLL_TIME, t))
+        roll = np.array([[(command - x[BANK]) / ROLL_TIME]])
+        at = (x.reshape(N_STATES, 1, 1), roll, np.array([[t]]))
+        return function.one_by_one(*at, physics.numbers)[0][:, 0, 0]
 
     def turned_too_far(t: float, x: Array) -> float:
         goal = bearing(x[LONGITUDE], x[LATITUDE], target.longitude, target.latitude)
@@ -96,7 +104,7 @@ def _fly(mission: Mission, guess: ConstantBank) -> list[Integration] | None:
     ]
     if guess.heading_corridor is not None:
         stops.append(reversal)
-    begin = 0.0
+    begin = entry.time
     while begin < LONGEST_FLIGHT:
         try:
             leg = integrate(rates, (begin, LONGEST_FLIGHT), state, ACCURACY, stops=stops)
@@ -154,7 +162,11 @@ def default_guess(mission: Mission) -> ConstantBank | None:
 
 def from_trajectory(trajectory: Trajectory, mission: Mission) -> NodalGuess:
     """A trajectory as guess, resampled if it was solved on another mesh, on the mission's turns."""
-    mesh = mission.pseudospectral_mesh
+    return on_mesh_of(trajectory, mission.pseudospectral_mesh, mission.entry_state)
+
+
+def on_mesh_of(trajectory: Trajectory, mesh: Mesh, entry: Array) -> NodalGuess:
+    """A trajectory at the nodes of `mesh`, on the turns of the `entry` state (6,)."""
     if trajectory.mesh == mesh:
         states, rate = trajectory.states, trajectory.bank_rate
     else:
@@ -162,7 +174,7 @@ def from_trajectory(trajectory: Trajectory, mission: Mission) -> NodalGuess:
         states, _ = trajectory.at(np.minimum(times, trajectory.final_time))
         rate = collocated_rate(mesh, states[6], trajectory.final_time)
     states = states.T.copy()
-    for state, start in zip(CIRCULAR_STATES, (*mission.entry_state[[1, 5]], 0.0), strict=True):
+    for state, start in zip(CIRCULAR_STATES, (*entry[[1, 5]], 0.0), strict=True):
         states[:, state] += on_turn_of(states[0, state], start) - states[0, state]
     return NodalGuess(states, rate.copy(), trajectory.final_time, trajectory.target_multipliers)
 

@@ -37,7 +37,7 @@ from ampi.missions.mission import Mission
 from ampi.missions.path_limits import KEPT, PathLimits
 from ampi.physics.state import BANK
 from ampi.propagation.adaptive_step import Accuracy, IntegrationError
-from ampi.propagation.reintegration import fly_segment
+from ampi.propagation.segment_flight import fly_segment
 from ampi.pseudospectral.mesh import Mesh, Phase, Segment
 from ampi.scp.problem.scaled_problem import Scaling
 from ampi.trajectory import RefinementRound, Status, Trajectory

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Hashable, Sequence
+from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import replace
 from functools import lru_cache
@@ -16,9 +16,11 @@ from ampi.missions.mission import Mission
 from ampi.missions.sections import GuessSection
 from ampi.physics.state import N_STATES
 from ampi.propagation.reintegration import flown_again
-from ampi.scp.condensed.exact_hessian import ExactHessianIteration, SolverSettings
-from ampi.scp.condensed.family import kind, newton
-from ampi.scp.guess import ConstantBank, from_trajectory, nodal_guess
+from ampi.scp.condensed.exact_hessian import ExactHessianIteration
+from ampi.scp.condensed.newton import newton
+from ampi.scp.condensed.settings import SolverSettings
+from ampi.scp.condensed.subproblem import ConvexSubproblem, Step
+from ampi.scp.guess import ConstantBank, nodal_guess, on_mesh_of
 from ampi.scp.guesses import from_any
 from ampi.scp.problem.capabilities import MethodError, check, check_bank_angle
 from ampi.scp.problem.scaled_problem import OptimalControlProblem
@@ -36,7 +38,7 @@ def solve(
     guess: Trajectory | ConstantBank | None = None,
     settings: SolverSettings | None = None,
     refinement: RefinementSettings | None = None,
-    subproblem: SubproblemSolver | None = None,
+    subproblem: Callable[[Any], Any] | None = None,
 ) -> Trajectory:
     """Solve a mission's optimal control problem.
 
@@ -57,8 +59,8 @@ def solve(
         Of exact_hessian: None solves on the mission's mesh; settings refine it until their tolerance
         or caps.
     subproblem
-        Of the literature's methods: another solver of the convex subproblem, such as
-        `solve_sparse_subproblem_cvxpy` with a constraint of one's own.
+        Another solver of the method's convex subproblem, such as `solve_subproblem_cvxpy` (of
+        exact_hessian) or `solve_sparse_subproblem_cvxpy` with a constraint of one's own.
 
     Returns
     -------
@@ -93,7 +95,7 @@ def optimum(
     guess: Trajectory | ConstantBank | None = None,
     settings: SolverSettings | None = None,
     refinement: RefinementSettings | None = None,
-    subproblem: SubproblemSolver | None = None,
+    subproblem: Callable[[Any], Any] | None = None,
 ) -> Trajectory:
     """`solve` without the flight: for who flies many optima at once. All it says is of the nodes."""
     _refuse_other_kinds(mission, guess, settings, refinement)
@@ -107,19 +109,12 @@ def optimum(
                 f"'exact_hessian', not of {method!r}, which brings its own; leave them out"
             )
         return _by_the_literature(mission, method, guess, subproblem)
-    if subproblem is not None:
-        raise MethodError(
-            "subproblem: known to the methods of the literature, not to 'exact_hessian', whose "
-            "subproblem is condensed; choose one of them or leave it out"
-        )
     chosen = settings or SolverSettings()
 
     def solve_from(
         mission: Mission, start: Trajectory | ConstantBank, settings: SolverSettings
     ) -> Trajectory:
-        problem = OptimalControlProblem.from_mission(mission)
-        nodal, warm = nodal_guess(mission, start), isinstance(start, Trajectory)
-        return ExactHessianIteration(problem, settings).run(nodal, warm=warm)
+        return _condensed(mission, start, settings, subproblem)
 
     def solve_on(mission: Mission, guess: Trajectory | ConstantBank | None) -> Trajectory:
         if guess is not None:
@@ -136,8 +131,23 @@ def optimum(
         return refine(mission, solve_on, guess=guess, settings=refinement)
 
 
+def _condensed(
+    mission: Mission,
+    start: Trajectory | ConstantBank,
+    settings: SolverSettings,
+    subproblem: Callable[[ConvexSubproblem], Step] | None,
+) -> Trajectory:
+    """By Newton's iteration where the start is a solved neighbour and that is enough, else robustly."""
+    problem = OptimalControlProblem.of(mission)
+    nodal, warm = nodal_guess(mission, start), isinstance(start, Trajectory)
+    if nodal is not None and nodal.target_multipliers is not None and subproblem is None:
+        for _, found in newton(problem, [nodal], settings, one_by_one=True):
+            return found
+    return ExactHessianIteration(problem, settings, subproblem).run(nodal, warm=warm)
+
+
 def solve_family(
-    missions: Sequence[Mission],
+    family: MissionFamily[Mission],
     guesses: Sequence[Trajectory],
     settings: SolverSettings | None = None,
 ) -> list[Trajectory | None]:
@@ -148,32 +158,42 @@ def solve_family(
 
     Parameters
     ----------
-    missions
-        Members of one family (`Mission.with_parameters`).
+    family
+        From `Mission.family`.
     guesses
-        One for each, with `target_multipliers`.
+        One for each of its cases, with `target_multipliers`.
     settings
         Its tolerances; those of `solve`.
 
     Returns
     -------
     list of Trajectory or None
-        None for a mission that needs the whole method (a limit active, a term of the objective that
-        Newton's iteration does not know): that is no verdict on it, `solve` it.
+        None for a mission that needs the whole method (a term of the objective that Newton's iteration
+        does not know, a neighbour too far away): that is no verdict on it, `solve` it.
     """
-    if missions:
-        MissionFamily.of(missions).checked()
-    problems = [OptimalControlProblem.from_mission(mission) for mission in missions]
-    alike: dict[Hashable, list[int]] = {}
-    for case, (problem, guess) in enumerate(zip(problems, guesses, strict=True)):
-        if guess.mesh == problem.mesh and guess.target_multipliers is not None:
-            alike.setdefault(kind(problem), []).append(case)
-    found: list[Trajectory | None] = [None] * len(problems)
+    if len(family) != len(guesses):
+        raise ValueError(
+            f"guesses: expected one for each of the {len(family)} cases, got {len(guesses)}"
+        )
+    family.checked()
+    mesh = family.mission.pseudospectral_mesh
+    cases = [
+        case
+        for case, guess in enumerate(guesses)
+        if guess.mesh == mesh and guess.target_multipliers is not None
+    ]
+    found: list[Trajectory | None] = [None] * len(guesses)
+    if not cases:
+        return found
+    part = family.take(cases)
+    problem = OptimalControlProblem.of(part)
+    starts = [
+        on_mesh_of(guesses[case], mesh, entry)
+        for case, entry in zip(cases, part.entry_states, strict=True)
+    ]
     with _one_blas_thread():
-        for cases in alike.values():
-            starts = [from_trajectory(guesses[c], missions[c]) for c in cases]
-            for place, solution in newton([problems[c] for c in cases], starts, settings):
-                found[cases[place]] = solution
+        for place, solution in newton(problem, starts, settings):
+            found[cases[place]] = solution
     return found
 
 

@@ -18,33 +18,21 @@ from typing import Any
 
 import numpy as np
 
-from ampi.missions.mission import Mission
 from ampi.missions.path_limits import PathLimits
 from ampi.physics.equations_of_motion import FlightModel
 from ampi.physics.path_constraints import path_constraints
+from ampi.tracing.numbers import is_zero
 
 
 @dataclass(frozen=True)
 class NodeFunctions:
-    """Limits (SI) and integrands of one mission; hashable, so that traces are shared."""
+    """Limits (SI) and integrands of a mission or a family."""
 
     limits: PathLimits = field(default_factory=PathLimits)
-    shares: tuple[float, ...] = (1.0, 1.0, 1.0)  # of each limit on the path: 1 − margin
-    heat_load: float = 0.0  # weight of ∫ Q̇ dt, per J/m²
-    ground_range: float = 0.0  # weight of ∫ V cos γ R₀/r dt, per m
-    desired_altitude_rate: float | None = None  # m/s
-
-    @classmethod
-    def from_mission(cls, mission: Mission, cost_scale: float = 1.0) -> NodeFunctions:
-        """Those of `mission`, its integrands over `cost_scale`."""
-        limits, objective = PathLimits.of(mission), mission.objective
-        return cls(
-            limits=limits,
-            shares=tuple(mission.limits.share(name) for name in limits.on_the_path),
-            heat_load=objective.heat_load * 1e-6 / cost_scale,
-            ground_range=objective.ground_range * 1e-3 / cost_scale,
-            desired_altitude_rate=objective.desired_altitude_rate,
-        )
+    shares: tuple[Any, ...] = (1.0, 1.0, 1.0)  # of each limit on the path: 1 − margin
+    heat_load: Any = 0.0  # weight of ∫ Q̇ dt, per J/m²
+    ground_range: Any = 0.0  # weight of ∫ V cos γ R₀/r dt, per m
+    desired_altitude_rate: Any = None  # m/s
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -54,7 +42,7 @@ class NodeFunctions:
     @property
     def n_smooth(self) -> int:
         """Number of integrands that enter as they are."""
-        return int(self.heat_load != 0.0 or self.ground_range != 0.0)
+        return int(not (is_zero(self.heat_load) and is_zero(self.ground_range)))
 
     @property
     def n_absolute(self) -> int:

@@ -52,7 +52,9 @@ _UNARY: dict[int, Any] = {
     ca.OP_NOT: np.logical_not,
 }
 
-_BINARY_APPLY, _UNARY_APPLY, _CONSTANT, _INPUT, _OUTPUT = range(5)  # kinds of instruction
+# kinds of instruction; SHARED ones have no point of their own among their operands
+_BINARY_APPLY, _UNARY_APPLY, _CONSTANT, _INPUT, _OUTPUT, _SHARED_BINARY, _SHARED_UNARY = range(7)
+Step = tuple[int, Any, tuple[int, ...], int]  # kind, payload, operands, result
 
 
 class VectorisedFunction:
@@ -64,17 +66,13 @@ class VectorisedFunction:
         At construction, if the expression holds an operation without a ufunc here.
     """
 
-    def __init__(self, inputs: list[ca.SX], outputs: list[ca.SX]) -> None:
-        function = ca.Function("vectorised", inputs, outputs, {"cse": True})
-        self.nonzeros = [
-            tuple(zip(*function.sparsity_out(k).get_triplet(), strict=True))
-            for k in range(function.n_out())
-        ]  # (row, column) of every row of an output
+    def __init__(self, function: ca.Function) -> None:
+        self._nonzeros = [function.nnz_out(k) for k in range(function.n_out())]
         self._slots = function.sz_w()
-        self._program = [self._step(function, k) for k in range(function.n_instructions())]
+        self._steps = [self._step(function, k) for k in range(function.n_instructions())]
+        self._programs: dict[frozenset[tuple[int, int]], list[Step]] = {}
 
-    def _step(self, function: ca.Function, k: int) -> tuple[int, Any, tuple[int, ...], int]:
-        """(kind, payload, operands, result) of an instruction."""
+    def _step(self, function: ca.Function, k: int) -> Step:
         operation = function.instruction_id(k)
         read, written = function.instruction_input(k), function.instruction_output(k)
         if operation == ca.OP_CONST:
@@ -91,13 +89,45 @@ class VectorisedFunction:
             return _UNARY_APPLY, _UNARY[operation], (read[0],), written[0]
         raise NotImplementedError(f"no ufunc for CasADi's operation {operation}")
 
-    def __call__(self, *inputs: Array) -> list[Array]:
-        """Outputs (nonzeros, points) at inputs (components, points)."""
+    def _program(self, shared: frozenset[tuple[int, int]]) -> list[Step]:
+        """The steps where the inputs `shared` (input, component) are one number for all points.
+
+        What depends on those alone is computed once, and not at every point.
+        """
+        if shared not in self._programs:
+            alike: set[int] = set()  # slots that hold one number at this place of the program
+            program = []
+            for kind, payload, operands, slot in self._steps:
+                if kind == _OUTPUT:
+                    program.append((kind, payload, operands, slot))
+                    continue
+                one = kind == _CONSTANT or (kind == _INPUT and operands in shared)
+                if kind in (_BINARY_APPLY, _UNARY_APPLY) and alike.issuperset(operands):
+                    one = True
+                    kind = _SHARED_BINARY if kind == _BINARY_APPLY else _SHARED_UNARY
+                (alike.add if one else alike.discard)(slot)
+                program.append((kind, payload, operands, slot))
+            self._programs[shared] = program
+        return self._programs[shared]
+
+    def __call__(self, *inputs: Array | list[Any]) -> list[Array]:
+        """Outputs (nonzeros, points) at inputs (components, points).
+
+        A component of an input that is given as a list may be one number for all points.
+        """
+        assert isinstance(inputs[0], np.ndarray)
         points = inputs[0].shape[1]
+        shared = frozenset(
+            (k, i)
+            for k, given in enumerate(inputs)
+            if isinstance(given, list)
+            for i, row in enumerate(given)
+            if not isinstance(row, np.ndarray)
+        )
         room = list(np.empty((self._slots, points)))  # a view of every row, made once
-        outputs = [np.empty((len(rows), points)) for rows in self.nonzeros]
+        outputs = [np.empty((count, points)) for count in self._nonzeros]
         value: list[Any] = [None] * self._slots
-        for kind, payload, operands, slot in self._program:
+        for kind, payload, operands, slot in self._program(shared):
             if kind == _BINARY_APPLY:
                 left, right = operands
                 value[slot] = payload(value[left], value[right], out=room[slot])
@@ -107,6 +137,11 @@ class VectorisedFunction:
                 value[slot] = payload
             elif kind == _INPUT:
                 value[slot] = inputs[operands[0]][operands[1]]
-            else:
+            elif kind == _OUTPUT:
                 outputs[operands[0]][operands[1]] = value[slot]
+            elif kind == _SHARED_BINARY:
+                # of a comparison too: in a row of `room` it would be a number
+                value[slot] = float(payload(value[operands[0]], value[operands[1]]))
+            else:
+                value[slot] = float(payload(value[operands[0]]))
         return outputs

@@ -34,18 +34,17 @@ Strang (1968), SIAM J. Numer. Anal. 5(3).
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ampi.missions.family import MissionFamily
-from ampi.physics.equations_of_motion import FlightModel, equations_of_motion
+from ampi.physics.equations_of_motion import equations_of_motion
+from ampi.physics.state import BANK, N_STATES
 from ampi.pseudospectral.lagrange import interpolation_matrix
 from ampi.pseudospectral.mesh import Mesh, Segment
-from ampi.tracing.derivatives import trace
+from ampi.tracing.dynamics import Physics, node_dynamics
 from ampi.tracing.node_functions import NodeFunctions
-from ampi.tracing.vectorised import VectorisedFunction
 
 Array = NDArray[np.float64]
 
@@ -170,20 +169,11 @@ def _nodal_jacobians(family: MissionFamily, mesh: Mesh, states: Array, final_tim
     jacobian = np.zeros((len(states), mesh.n_nodes, 42))
     fixed, free = mesh.node_time
     times = fixed + free * final_time[:, None]
-    cases: dict[FlightModel, list[int]] = {}  # a model is traced once, then serves all its cases
-    for case in range(len(family)):
-        cases.setdefault(family.member(case).flight_model, []).append(case)
-    for model, alike in cases.items():
-        function = _traced_jacobian(model)
-        x = states[alike].transpose(1, 0, 2).reshape(7, -1)
-        t = times[alike].reshape(1, -1)
-        found = function(x, np.zeros_like(t), t)[0]
-        for (row, column), values in zip(function.nonzeros[0], found, strict=True):
-            jacobian[alike, :, 6 * column + row] = values.reshape(len(alike), -1)
+    physics = Physics.of(family.flight_model(), NodeFunctions(), 1.0)
+    function = node_dynamics(physics.structure, (1.0,) * N_STATES).jacobian
+    x = np.ascontiguousarray(states.transpose(1, 0, 2))
+    (found,) = function.together(x, np.zeros_like(times), times, physics.numbers)
+    for (row, column), values in zip(function.nonzeros[0], found, strict=True):
+        if row != BANK:
+            jacobian[:, :, 6 * column + row] = values
     return jacobian
-
-
-@lru_cache(maxsize=16)
-def _traced_jacobian(model: FlightModel) -> VectorisedFunction:
-    traced = trace(model, NodeFunctions(), (1.0,) * 7, 1.0)
-    return VectorisedFunction([traced.x, traced.u, traced.t], [traced.jacobian[:6, :]])

@@ -34,7 +34,7 @@ from ampi.missions.mission import Mission
 from ampi.physics.angles import wrapped
 from ampi.physics.state import BANK as BANK_ANGLE
 from ampi.propagation.reintegration import flight_checks
-from ampi.scp.condensed.exact_hessian import SolverSettings
+from ampi.scp.condensed.settings import SolverSettings
 from ampi.scp.solve import solve, solve_family
 from ampi.trajectory import Status, Trajectory
 from database.audit.coherence import on_turn_of_rows
@@ -156,7 +156,7 @@ def continued(campaign: Campaign, case: int, goal: int, optimum: Trajectory) -> 
         found = optimum
         for mission in path_to(campaign.mission, campaign.grid, goal, Attempt(case, steps)):
             if campaign.together and steps == 1:
-                there = solve_family([mission], [found])[0]
+                there = solve_family(campaign.family_of(mission), [found])[0]
             else:
                 there = solve_one(campaign, mission, found)
             if there is None or not there.status.ok or unlikeness(there, found) > BANK:

@@ -109,7 +109,7 @@ def follow(
 def solve_one(campaign: Campaign, mission: Mission, start: Trajectory | None) -> Trajectory:
     """By Newton's iteration where that is enough, else by the campaign's optimiser."""
     if campaign.together and start is not None:
-        found = solve_family([mission], [start], campaign.settings)[0]
+        found = solve_family(campaign.family_of(mission), [start], campaign.settings)[0]
         if found is not None and found.status.ok:
             return found
     # the assembly flies all cases of a block again, together

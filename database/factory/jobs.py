@@ -157,12 +157,11 @@ class SolvePortion(Job):
 
     def _together(self, starts: list[Start]) -> Iterator[CaseRecord]:
         campaign, began = self.campaign, time.perf_counter()
-        missions = [
-            campaign.mission.with_parameters(campaign.grid.point(case)) for case, *_ in starts
-        ]
+        points = np.array([campaign.grid.point(case) for case, *_ in starts])
         with stopped_after(campaign.time_limit * max(1, len(starts))):
             try:
-                found = solve_family(missions, [start for *_, start in starts], campaign.settings)
+                family = campaign.mission.family(points.reshape(len(starts), -1))
+                found = solve_family(family, [start for *_, start in starts], campaign.settings)
             except Exception:  # one of them; alone each has its own log
                 found = [None] * len(starts)
         seconds = (time.perf_counter() - began) / max(1, len(starts))

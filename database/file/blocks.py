@@ -141,7 +141,7 @@ def assemble(
             [grid.point(r.case) for r, ok in zip(records, good, strict=True) if ok]
         )
         gains[good] = vertex_gains(family, mesh, states[good], final_time[good], settings)
-    multipliers = np.full((cases, len(OptimalControlProblem.from_mission(mission).target)), np.nan)
+    multipliers = np.full((cases, len(OptimalControlProblem.of(mission).target)), np.nan)
     for row, record, ok in zip(multipliers, records, good, strict=True):
         found = record.trajectory.target_multipliers
         if ok and found is not None:  # a stand-in has none

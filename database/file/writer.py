@@ -50,7 +50,7 @@ def write_database(
 ) -> None:
     """Merge the blocks, in index order, into `path`; `attributes` are its `provenance`."""
     mission, grid = campaign.mission, campaign.grid
-    mesh, problem = mission.pseudospectral_mesh, OptimalControlProblem.from_mission(mission)
+    mesh, problem = mission.pseudospectral_mesh, OptimalControlProblem.of(mission)
     fixed, free = high_density_times(mesh, nominal_final_time)
     conversion = mesh.conversion(fixed + free * nominal_final_time, nominal_final_time).T
     write_dataset(

@@ -10,9 +10,10 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from ampi.dataset import TrajectoryDataset
+from ampi.missions.family import MissionFamily
 from ampi.missions.loading import parse_mission
 from ampi.missions.mission import Mission
-from ampi.scp.condensed.exact_hessian import SolverSettings
+from ampi.scp.condensed.settings import SolverSettings
 from ampi.scp.solve import solve
 from ampi.tracker_design.riccati_gains import GainSettings
 from ampi.trajectory import Trajectory
@@ -20,7 +21,6 @@ from database.plan.grid import Grid
 from database.records.case_record import CaseRecord
 from database.records.record_files import again_folder, keeping_records
 
-MOST_MODELS = 16  # as many as a process keeps traced (scp.family_condensing)
 TIME_LIMIT = 60.0  # s for one solve: some 300 times what a hard one takes
 
 
@@ -95,7 +95,7 @@ class Campaign:
     @property
     def together(self) -> bool:
         """Whether cases are solved together: `solve_family` finds what `solve` finds, and faster."""
-        return self.solver is solve and _flight_models(self.toml) <= MOST_MODELS
+        return self.solver is solve
 
     @property
     def judged(self) -> bool:
@@ -112,6 +112,10 @@ class Campaign:
     def mission(self) -> Mission:
         """The mission, parsed once per process."""
         return _mission_and_grid(self.toml)[0]
+
+    def family_of(self, member: Mission) -> MissionFamily[Mission]:
+        """The family of one member: its numbers are those of the grid, as in company."""
+        return self.mission.family(member.nominal_parameters[None])
 
     @property
     def grid(self) -> Grid:
@@ -134,16 +138,3 @@ class Campaign:
 def _mission_and_grid(toml: str) -> tuple[Mission, Grid]:
     mission = parse_mission(toml)
     return mission, Grid.from_mission(mission)
-
-
-@lru_cache(maxsize=4)
-def _flight_models(toml: str) -> int:
-    """How many flight models the grid holds: those of one model are solved together."""
-    mission, grid = _mission_and_grid(toml)
-    count = 1
-    for i, axis in enumerate(grid.axes):
-        p = mission.nominal_parameters.copy()
-        p[i] = axis[0] if axis[0] != p[i] else axis[-1]
-        if mission.with_parameters(p).flight_model != mission.flight_model:
-            count *= len(axis)
-    return count

@@ -25,7 +25,7 @@ from ampi.missions.loading import parse_mission
 from ampi.missions.mission import Mission
 from ampi.physics.state import STATES
 from ampi.pseudospectral.mesh import Mesh, Phase
-from ampi.scp.condensed.exact_hessian import SolverSettings
+from ampi.scp.condensed.settings import SolverSettings
 from ampi.scp.solve import solve_family
 from ampi.tracker_design.riccati_gains import GainSettings, vertex_gains
 from ampi.trajectory import Status, Trajectory

@@ -13,7 +13,7 @@ import database
 from ampi.dataset import read_dataset
 from ampi.missions.loading import parse_mission
 from ampi.missions.mission import Mission
-from ampi.scp.condensed.exact_hessian import SolverSettings
+from ampi.scp.condensed.settings import SolverSettings
 from ampi.scp.problem.convergence import ConvergenceSettings
 from database.factory.stand_in import neighbour_moved
 from database.records.campaign import BuildError, as_built, settings_of

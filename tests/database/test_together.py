@@ -180,14 +180,6 @@ def test_portions_follow_the_width(small_mission: Mission, solver: Solver) -> No
     assert sorted(case for job in solving for case in job.cases) == sorted(set(range(27)) - {0})
 
 
-def test_many_flight_models_are_solved_one_by_one(small_mission: Mission) -> None:
-    factors = "density_factor = [-0.1, -0.05, 0.0, 0.05, 0.1]\nlift_factor = [-0.1, 0.0, 0.1]\n"
-    few = Campaign(small_mission.toml + factors, Path("nowhere"))
-    many = Campaign(f"{few.toml}drag_factor = [-0.1, 0.0, 0.1]\n", Path("nowhere"))
-    assert few.together
-    assert not many.together
-
-
 def test_what_cannot_be_solved_together_is_left_to_be_tried_alone(
     campaign: Campaign, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -42,7 +42,7 @@ def mission() -> Mission:
 @pytest.mark.parametrize("name", shipped_missions())
 def test_every_formulation_holds_the_states_of_the_mission(name: str) -> None:
     mission = load_mission(name)
-    assert tuple(OptimalControlProblem.from_mission(mission).target.state) == held_states(mission)
+    assert tuple(OptimalControlProblem.of(mission).target.state) == held_states(mission)
     over_time = TimeDomain.from_mission(mission)
     assert tuple(held.state for held in over_time.target) == held_states(mission)
     coast = Coast(np.zeros(1), np.append(mission.entry_state, 0.0)[:, None])

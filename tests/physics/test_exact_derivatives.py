@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from functools import lru_cache
 
 import numpy as np
@@ -13,8 +14,9 @@ from numpy.typing import NDArray
 from ampi.missions.path_limits import PathLimits
 from ampi.physics.equations_of_motion import FlightModel, equations_of_motion
 from ampi.physics.path_constraints import path_constraints
-from ampi.tracing.derivatives import ScaledDynamics
+from ampi.tracing.dynamics import NodeDynamics, NodeFunction, Physics
 from ampi.tracing.node_functions import NodeFunctions
+from ampi.tracing.numbers import Numbers
 
 Array = NDArray[np.float64]
 laws = settings(deadline=None, max_examples=60)
@@ -37,11 +39,35 @@ rates = st.floats(-1.0, 1.0)
 
 
 @lru_cache(maxsize=4)
-def traced(model: FlightModel) -> ScaledDynamics:
-    """CasADi functions of one node."""
-    return ScaledDynamics(
-        model, NodeFunctions(limits=PathLimits(loads=LIMITS)), tuple(SCALE), RATE_SCALE, 1
-    )
+def traced(model: FlightModel) -> tuple[NodeDynamics, Numbers]:
+    """The functions of a model, and its numbers."""
+    functions = NodeFunctions(limits=PathLimits(loads=LIMITS))
+    physics = Physics.of(model, functions, RATE_SCALE)
+    return NodeDynamics(physics.structure, tuple(SCALE)), physics.numbers
+
+
+def evaluated(
+    function: NodeFunction, numbers: Numbers, x: Array, u: Array, t: Array, *weights: Array
+) -> Iterator[list[Array]]:
+    """Dense outputs (rows, columns, c, n): by numpy, then by CasADi's virtual machine."""
+    for way in (function.together, function.one_by_one):
+        dense = []
+        for k, values in enumerate(way(x, u, t, numbers, *weights)):
+            out = np.zeros((*function.function.size_out(k), *u.shape))
+            for place, row in zip(function.nonzeros[k], values, strict=True):
+                out[place] = row
+            dense.append(out)
+        yield dense
+
+
+def at(
+    function: NodeFunction, numbers: Numbers, point: Array, rate: float, *weights: Array
+) -> Iterator[list[Array]]:
+    """At one point (x, t): outputs (rows, columns), both ways."""
+    x, u, t = point[:7].reshape(7, 1, 1), np.array([[rate]]), point[7:].reshape(1, 1)
+    columns = [w.reshape(-1, 1, 1) for w in weights]
+    for found in evaluated(function, numbers, x, u, t, *columns):
+        yield [out[:, :, 0, 0] for out in found]
 
 
 def away_from_kinks(model: FlightModel, state: tuple[float, ...]) -> bool:
@@ -59,22 +85,19 @@ def away_from_kinks(model: FlightModel, state: tuple[float, ...]) -> bool:
     return True
 
 
-def source(model: FlightModel, point: Array, rate: complex) -> Array:
-    """f (7) and g (3) of a scaled point (x, t), through numpy."""
-    physical = [point[i] * SCALE[i] for i in range(7)]
-    f = equations_of_motion(model, physical, rate * RATE_SCALE, point[7])
-    g = path_constraints(model, physical, point[7])
-    return np.concatenate([np.array(f) / SCALE, np.array(g) / LIMITS])
+def source(model: FlightModel, points: Array, rate: float) -> Array:
+    """f (7) and g (3), (10, …), of scaled points (x, t), (8, …), through numpy."""
+    physical = [points[i] * SCALE[i] for i in range(7)]
+    f = equations_of_motion(model, physical, rate * RATE_SCALE, points[7])
+    g = path_constraints(model, physical, points[7])
+    rows = [r / s for r, s in zip((*f, *g), (*SCALE, *LIMITS), strict=True)]
+    return np.stack(np.broadcast_arrays(*rows))
 
 
-def complex_step_jacobian(model: FlightModel, point: Array, rate: float) -> Array:
-    """∂(f, g)/∂(x, t), (10, 8)."""
-    columns = []
-    for k in range(8):
-        shifted = point.astype(complex)
-        shifted[k] += 1e-20j
-        columns.append(source(model, shifted, rate).imag / 1e-20)
-    return np.stack(columns, axis=-1)
+def complex_step_jacobian(model: FlightModel, points: Array, rate: float) -> Array:
+    """∂(f, g)/∂(x, t), (10, 8, …), of points (8, …)."""
+    along = np.eye(8).reshape(8, 8, *[1] * (points.ndim - 1))
+    return source(model, points[:, None] + 1e-20j * along, rate).imag / 1e-20
 
 
 def scaled(state: tuple[float, ...], time: float) -> Array:
@@ -91,14 +114,17 @@ def test_values_and_first_derivatives(
     point = scaled(state, time)
     values = source(model, point, rate)
     exact = complex_step_jacobian(model, point, rate)
-    got = traced(model).first(point[None, :7], np.array([rate]), np.array([time]))
-    assert got.rates[0] == pytest.approx(values[:7], rel=1e-9, abs=1e-14)
-    assert got.path[0] == pytest.approx(values[7:], rel=1e-9, abs=1e-14)
-    jacobian = np.vstack(
-        [np.column_stack([got.state_jacobian[0], got.time_derivative[0]]), got.path_jacobian[0]]
-    )
-    size = np.abs(exact).max(axis=1, keepdims=True)
-    assert np.all(np.abs(jacobian - exact) <= 1e-9 * np.abs(exact) + 1e-11 * size)
+    dynamics, numbers = traced(model)
+    for f, over_x, over_t, g, over_xt in at(dynamics.first, numbers, point, rate):
+        assert f[:, 0] == pytest.approx(values[:7], rel=1e-9, abs=1e-14)
+        assert g[:, 0] == pytest.approx(values[7:], rel=1e-9, abs=1e-14)
+        jacobian = np.vstack([np.column_stack([over_x, over_t]), over_xt])
+        size = np.abs(exact).max(axis=1, keepdims=True)
+        assert np.all(np.abs(jacobian - exact) <= 1e-9 * np.abs(exact) + 1e-11 * size)
+    for (over_x,) in at(dynamics.jacobian, numbers, point, rate):
+        size = np.abs(exact).max(axis=1, keepdims=True)[:7]
+        wanted = exact[:7, :7]
+        assert np.all(np.abs(over_x - wanted) <= 1e-9 * np.abs(wanted) + 1e-11 * size)
 
 
 @laws
@@ -108,9 +134,10 @@ def test_values_without_derivatives(
 ) -> None:
     point = scaled(state, time)
     values = source(model, point, rate)
-    f, g = traced(model).values(point[None, :7], np.array([rate]), np.array([time]))
-    assert f[0] == pytest.approx(values[:7], rel=1e-9, abs=1e-14)
-    assert g[0] == pytest.approx(values[7:], rel=1e-9, abs=1e-14)
+    dynamics, numbers = traced(model)
+    for f, g in at(dynamics.values, numbers, point, rate):
+        assert f[:, 0] == pytest.approx(values[:7], rel=1e-9, abs=1e-14)
+        assert g[:, 0] == pytest.approx(values[7:], rel=1e-9, abs=1e-14)
 
 
 @laws
@@ -123,51 +150,44 @@ def test_second_derivatives(
     point = scaled(state, time)
     weights = np.random.default_rng(seed).uniform(-1.0, 1.0, 10)
 
-    def gradient(at: Array) -> Array:
-        return weights @ complex_step_jacobian(model, at, rate)
-
     step = 1e-3
-    columns = []
-    for k in range(8):
-        e = np.zeros(8)
-        e[k] = step
-        near = gradient(point + e) - gradient(point - e)
-        far = gradient(point + 2.0 * e) - gradient(point - 2.0 * e)
-        columns.append((8.0 * near - far) / (12.0 * step))
-    differenced = np.stack(columns, axis=-1)
-    got = traced(model).hessian(
-        point[None, :7], np.array([rate]), np.array([time]), weights[None, :7], weights[None, 7:]
-    )[0]
-    assert got == pytest.approx(got.T, rel=1e-12, abs=1e-12 * np.abs(got).max())
-    assert np.abs(got - differenced).max() < 1e-7 * max(1e-3, np.abs(got).max())
+    stencil = point[:, None, None] + step * np.eye(8)[:, :, None] * np.array([-2, -1, 1, 2])
+    gradient = np.einsum("i,ij...->j...", weights, complex_step_jacobian(model, stencil, rate))
+    near, far = gradient[..., 2] - gradient[..., 1], gradient[..., 3] - gradient[..., 0]
+    differenced = (8.0 * near - far) / (12.0 * step)
+    dynamics, numbers = traced(model)
+    for (got,) in at(dynamics.second, numbers, point, rate, weights[:7], weights[7:]):
+        assert got == pytest.approx(got.T, rel=1e-12, abs=1e-12 * np.abs(got).max())
+        assert np.abs(got - differenced).max() < 1e-7 * max(1e-3, np.abs(got).max())
 
 
 def test_control_enters_the_bank_row_alone(model: FlightModel) -> None:
     point = scaled((50e3, 0.1, 0.2, 4000.0, -0.1, 1.0, 0.3), 100.0)
-    rows = [
-        traced(model).values(point[None, :7], np.array([u]), np.array([100.0]))[0][0].copy()
-        for u in (-1.0, 0.5)
-    ]
-    change = rows[1] - rows[0]
-    assert change[6] == pytest.approx(1.5 * RATE_SCALE, rel=1e-14)
-    assert np.all(change[:6] == 0.0)
+    dynamics, numbers = traced(model)
+    low, high = (at(dynamics.values, numbers, point, u) for u in (-1.0, 0.5))
+    for (before, _), (after, _) in zip(low, high, strict=True):
+        change = (after - before)[:, 0]
+        assert change[6] == pytest.approx(1.5 * RATE_SCALE, rel=1e-14)
+        assert np.all(change[:6] == 0.0)
 
 
-def test_nodes_do_not_touch_each_other(model: FlightModel) -> None:
-    rng = np.random.default_rng(2)
+def test_nodes_and_cases_do_not_touch_each_other(model: FlightModel) -> None:
+    """A point is the same alone, among the nodes of a case, and among cases."""
+    rng, shape = np.random.default_rng(2), (3, 5)
     nodes = np.array([50e3, 0.1, 0.2, 4000.0, -0.1, 1.0, 0.3]) / SCALE
-    x = nodes * rng.uniform(0.9, 1.1, (5, 7))
-    u, t = rng.uniform(-1.0, 1.0, 5), rng.uniform(100.0, 500.0, 5)
-    mu, nu = rng.normal(size=(5, 7)), rng.normal(size=(5, 3))
-    together = ScaledDynamics(
-        model, NodeFunctions(limits=PathLimits(loads=LIMITS)), tuple(SCALE), RATE_SCALE, 5
-    )
-    first, second = together.first(x, u, t), together.hessian(x, u, t, mu, nu).copy()
-    for k in range(5):
-        one = slice(k, k + 1)
-        alone = traced(model).first(x[one], u[one], t[one])
-        assert first.state_jacobian[k] == pytest.approx(alone.state_jacobian[0], rel=1e-13)
-        assert first.path_jacobian[k] == pytest.approx(alone.path_jacobian[0], rel=1e-13)
-        assert first.time_derivative[k] == pytest.approx(alone.time_derivative[0], rel=1e-13)
-        hessian = traced(model).hessian(x[one], u[one], t[one], mu[one], nu[one])
-        assert second[k] == pytest.approx(hessian[0], rel=1e-12, abs=1e-14)
+    x = nodes[:, None, None] * rng.uniform(0.9, 1.1, (7, *shape))
+    u, t = rng.uniform(-1.0, 1.0, shape), rng.uniform(100.0, 500.0, shape)
+    mu, nu = rng.normal(size=(7, *shape)), rng.normal(size=(3, *shape))
+    dynamics, numbers = traced(model)
+    for function, weights in ((dynamics.first, ()), (dynamics.second, (mu, nu))):
+        together = evaluated(function, numbers, x, u, t, *weights)
+        for way, outputs in enumerate(together):
+            for case, node in np.ndindex(*shape):
+                one = np.s_[..., case : case + 1, node : node + 1]
+                given = (x[one], u[one], t[one], *(w[one] for w in weights))
+                alone = list(evaluated(function, numbers, *given))[way]
+                for whole, part in zip(outputs, alone, strict=True):
+                    if way == 0:
+                        assert np.array_equal(whole[one], part)
+                    else:
+                        assert whole[one] == pytest.approx(part, rel=1e-13, abs=1e-14)

@@ -20,7 +20,7 @@ from ampi.missions import Mission
 from ampi.propagation.reintegration import reintegrate
 from ampi.pseudospectral.mesh import Mesh
 from ampi.scp.condensed.elastic_target import ElasticSettings
-from ampi.scp.condensed.exact_hessian import SolverSettings
+from ampi.scp.condensed.settings import SolverSettings
 from ampi.trajectory import Status, Trajectory
 
 LATITUDE, SECONDS = 34.1412, 2008.59  # as printed: degrees, s

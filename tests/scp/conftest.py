@@ -25,7 +25,7 @@ def mission() -> Mission:
 @pytest.fixture(scope="session")
 def problem(mission: Mission) -> OptimalControlProblem:
     """Its scaled problem."""
-    return OptimalControlProblem.from_mission(mission)
+    return OptimalControlProblem.of(mission)
 
 
 @pytest.fixture(scope="session")
@@ -75,7 +75,7 @@ def drifting(mission: Mission) -> tuple[Flight, Point]:
         text = text.replace(old, new)
     other = parse_mission(text)
     flight = Flight.of(
-        OptimalControlProblem.from_mission(other),
+        OptimalControlProblem.of(other),
         RestorationSettings(tolerance=1e-12, corrections=20),
     )
     guess = constant_bank_guess(other, GUESS)

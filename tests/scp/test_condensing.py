@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from ampi.scp.condensed.condensing import Iterate
+from ampi.physics.state import N_STATES
+from ampi.scp.condensed.condensing import CondensedDynamics
 from ampi.scp.condensed.cost import add_rate_curvature
-from ampi.scp.condensed.iterate import Flight, Linearised, Point
-from ampi.scp.condensed.quadratic_model import Multipliers, _lagrangian_hessian
+from ampi.scp.condensed.iterate import ONE, Flight, Iterate, Point
+from ampi.scp.condensed.quadratic_model import Multipliers, lagrangian_hessian
 
 Array = NDArray[np.float64]
 STEP = 1e-4
@@ -36,15 +37,30 @@ def point(case: tuple[Flight, Point]) -> Point:
 
 
 @pytest.fixture
-def linearised(flying: Flight, point: Point) -> Linearised:
-    """Derivatives there."""
+def condensed(flying: Flight, point: Point) -> CondensedDynamics:
+    """The batch of one, condensed there."""
     return flying.linearise(point.iterate)
 
 
-def flown(flight: Flight, point: Point, linearised: Linearised, z: Array) -> Point:
+def change(condensed: CondensedDynamics, z: Array) -> Array:
+    """Z z of the batch of one, (n, 7)."""
+    return condensed.change(z[None], ONE)[:, 0].T
+
+
+def state_map(condensed: CondensedDynamics) -> Array:
+    """Z, (n, 7, n_z), column by column."""
+    return np.stack([change(condensed, e) for e in np.eye(condensed.n_variables)], axis=-1)
+
+
+def path_jacobian(condensed: CondensedDynamics) -> Array:
+    """∂g/∂(x, t), (n, 3, 8)."""
+    return np.stack([condensed.derivatives.gradient_of(k)[0] for k in range(3)], axis=1)
+
+
+def flown(flight: Flight, point: Point, condensed: CondensedDynamics, z: Array) -> Point:
     """The flight restored at the controls that z = (δu, δt_f, δσ₀) leads to."""
     here = point.iterate
-    states = here.states + linearised.condensed.state_map @ z
+    states = here.states + change(condensed, z)
     states[0, 6] = here.states[0, 6] + z[-1]
     moved = Iterate(states, here.bank_rate + z[:-2], here.final_time + 100.0 * z[-2])
     restored = flight.restore(moved, None)
@@ -71,11 +87,9 @@ def random_multipliers(n_nodes: int) -> Multipliers:
     )
 
 
-def node_gradient(linearised: Linearised, multipliers: Multipliers) -> Array:
+def node_gradient(condensed: CondensedDynamics, multipliers: Multipliers) -> Array:
     """∂(λᵀe + Σ νᵀg + Σ β σ)/∂x at the nodes."""
-    gradient = np.einsum(
-        "ik,ikj->ij", multipliers.limits, linearised.derivatives.path_jacobian[:, :, :7]
-    )
+    gradient = np.einsum("ik,ikj->ij", multipliers.limits, path_jacobian(condensed)[:, :, :7])
     gradient[:, 6] += multipliers.bank
     gradient[-1, :4] += multipliers.target
     return gradient
@@ -83,108 +97,121 @@ def node_gradient(linearised: Linearised, multipliers: Multipliers) -> Array:
 
 def reduced_gradient(flight: Flight, point: Point, multipliers: Multipliers) -> Array:
     """d(λᵀe + Σ νᵀg + Σ β σ)/dz along restored flights."""
-    linearised = flight.linearise(point.iterate)
-    nodes = node_gradient(linearised, multipliers)
-    gradient = np.einsum("ij,ijz->z", nodes, linearised.condensed.state_map)
-    by_time = linearised.derivatives.path_jacobian[:, :, 7]
+    condensed = flight.linearise(point.iterate)
+    nodes = node_gradient(condensed, multipliers)
+    gradient = np.einsum("ij,ijz->z", nodes, state_map(condensed))
+    by_time = path_jacobian(condensed)[:, :, 7]
     free = flight.transcription.node_free[:, None]
     gradient[-2] += 100.0 * np.sum(multipliers.limits * by_time * free)
     return gradient
 
 
 def test_state_map_is_the_derivative_of_the_restored_flight(
-    flying: Flight, point: Point, linearised: Linearised
+    flying: Flight, point: Point, condensed: CondensedDynamics
 ) -> None:
-    condensed = linearised.condensed
     for d in directions(condensed.n_variables):
-        ahead = flown(flying, point, linearised, STEP * d).iterate.states
-        behind = flown(flying, point, linearised, -STEP * d).iterate.states
+        ahead = flown(flying, point, condensed, STEP * d).iterate.states
+        behind = flown(flying, point, condensed, -STEP * d).iterate.states
         differenced = (ahead - behind) / (2.0 * STEP)
-        linear = condensed.state_map @ d
+        linear = change(condensed, d)
         assert np.abs(differenced - linear).max() < 1e-6 * np.abs(linear).max()
 
 
-def test_state_map_leaves_the_entry_state_alone(linearised: Linearised) -> None:
-    first = linearised.condensed.state_map[0]
+def test_state_map_leaves_the_entry_state_alone(condensed: CondensedDynamics) -> None:
+    first = state_map(condensed)[0]
     assert np.all(first[:6] == 0.0)
     assert np.array_equal(first[6], np.eye(len(first[6]))[-1])
 
 
 def test_bank_angle_is_the_integral_of_its_rate(
-    flying: Flight, point: Point, linearised: Linearised
+    flying: Flight, point: Point, condensed: CondensedDynamics
 ) -> None:
     # A rate of one along the whole flight turns the bank by u_max t at every node.
-    z = np.ones(linearised.condensed.n_variables)
+    z = np.ones(condensed.n_variables)
     z[-2:] = 0.0
     times = flying.transcription.times(point.iterate.final_time)
-    turned = linearised.condensed.state_map[:, 6] @ z
+    turned = change(condensed, z)[:, 6]
     assert turned == pytest.approx(flying.problem.bank_rate_limit * times, abs=1e-10)
 
 
+def dense_jacobian(condensed: CondensedDynamics) -> Array:
+    """∂f/∂x at the nodes, (n, 7, 7)."""
+    found = np.zeros((condensed.moving.shape[1], N_STATES, N_STATES))
+    derivatives = condensed.derivatives
+    for (row, column), values in zip(derivatives.places, derivatives.jacobian, strict=True):
+        found[:, row, column] = values[0]
+    return found
+
+
+def residual_of(flight: Flight, point: Point, states: Array, rates: Array) -> Array:
+    """R (n − 1, 7) of states and rates (n, 7)."""
+    final_time = np.array([point.iterate.final_time])
+    return flight.transcription.residual(states.T[:, None], rates.T[:, None], final_time)[0]
+
+
 def test_correction_cancels_a_residual(
-    flying: Flight, point: Point, linearised: Linearised
+    flying: Flight, point: Point, condensed: CondensedDynamics
 ) -> None:
     rng = np.random.default_rng(5)
-    t, d = flying.transcription, linearised.derivatives
     residual = rng.normal(size=(len(point.iterate.states) - 1, 7))
-    entry_error = rng.normal(size=7)
-    change = linearised.condensed.correction(residual, entry_error)
-    assert change[0] == pytest.approx(entry_error)
-    along = np.einsum("ijk,ik->ij", d.state_jacobian, change)
-    left = t.residual(change, along, point.iterate.final_time)
+    found = np.zeros_like(point.iterate.states)  # the entry state is given
+    found[1:] = condensed.correction(residual[None], ONE)[0]
+    along = np.einsum("ijk,ik->ij", dense_jacobian(condensed), found)
+    left = residual_of(flying, point, found, along)
     assert left == pytest.approx(-residual, abs=1e-9)
 
 
-def dense_system(flying: Flight, point: Point, linearised: Linearised) -> Array:
+def dense_system(flying: Flight, point: Point, condensed: CondensedDynamics) -> Array:
     """∂R/∂(x_1 … x_n−1) as one matrix, column by column from the residual itself."""
-    t, jacobian = flying.transcription, linearised.derivatives.state_jacobian
+    jacobian = dense_jacobian(condensed)
     n = len(point.iterate.states)
     matrix = np.empty((7 * (n - 1), 7 * (n - 1)))
     for k in range(7 * (n - 1)):
-        change = np.zeros((n, 7))
-        change[1 + k // 7, k % 7] = 1.0
+        moved = np.zeros((n, 7))
+        moved[1 + k // 7, k % 7] = 1.0
         along = np.zeros((n, 7))
         along[1 + k // 7] = jacobian[1 + k // 7, :, k % 7]
-        matrix[:, k] = t.residual(change, along, point.iterate.final_time).ravel()
+        matrix[:, k] = residual_of(flying, point, moved, along).ravel()
     return matrix
 
 
 def test_multipliers_solve_the_transposed_system(
-    flying: Flight, point: Point, linearised: Linearised
+    flying: Flight, point: Point, condensed: CondensedDynamics
 ) -> None:
-    nodes = node_gradient(linearised, random_multipliers(len(point.iterate.states)))
-    matrix = dense_system(flying, point, linearised)
+    nodes = node_gradient(condensed, random_multipliers(len(point.iterate.states)))
+    matrix = dense_system(flying, point, condensed)
     exact = np.linalg.solve(matrix.T, -nodes[1:].ravel()).reshape(-1, 7)
-    swept = linearised.condensed.multipliers(nodes)
+    swept = condensed.multipliers(nodes[None, 1:], ONE)[:, 0].T
     assert np.abs(swept - exact).max() < 1e-10 * np.abs(exact).max()
 
 
 def test_multipliers_give_the_reduced_gradient(
-    flying: Flight, point: Point, linearised: Linearised
+    flying: Flight, point: Point, condensed: CondensedDynamics
 ) -> None:
     # The adjoint law: for a rate at one node, dF/du = −μᵀ h B there, B in the bank row alone.
     target = np.array([0.3, -1.0, 2.0, 0.7])
     nodes = np.zeros_like(point.iterate.states)
     nodes[-1, :4] = target
-    mu = linearised.condensed.multipliers(nodes)
+    mu = condensed.multipliers(nodes[None, 1:], ONE)[:, 0].T
     half = flying.transcription.half_lengths(point.iterate.final_time)
     by_adjoint = -half * flying.problem.bank_rate_limit * mu[:, 6]
-    direct = target @ linearised.condensed.state_map[-1, :4]
+    direct = target @ state_map(condensed)[-1, :4]
     assert by_adjoint == pytest.approx(direct[:-2], rel=1e-8, abs=1e-12)
 
 
 def test_reduced_hessian_is_the_derivative_of_the_reduced_gradient(
-    flying: Flight, point: Point, linearised: Linearised
+    flying: Flight, point: Point, condensed: CondensedDynamics
 ) -> None:
     multipliers = random_multipliers(len(point.iterate.states))
-    hessian = _lagrangian_hessian(flying, point, linearised, multipliers)
-    t, here, effort = flying.transcription, point.iterate, np.zeros_like(hessian)
-    add_rate_curvature(effort, flying.problem.objective, t, here, multipliers.absolute, 100.0)
-    hessian -= effort  # tested with the cost
+    hessian = lagrangian_hessian(flying, point, condensed, multipliers)
+    _, u, final_time = point.iterate.batch
+    effort = np.zeros((1, *hessian.shape))
+    add_rate_curvature(effort, flying.problem, flying.transcription, u, final_time)
+    hessian -= effort[0]  # tested with the cost
     assert hessian == pytest.approx(hessian.T, abs=1e-10 * np.abs(hessian).max())
     for d in directions(len(hessian)):
-        ahead = flown(flying, point, linearised, STEP * d)
-        behind = flown(flying, point, linearised, -STEP * d)
+        ahead = flown(flying, point, condensed, STEP * d)
+        behind = flown(flying, point, condensed, -STEP * d)
         differenced = reduced_gradient(flying, ahead, multipliers)
         differenced -= reduced_gradient(flying, behind, multipliers)
         differenced /= 2.0 * STEP
@@ -193,7 +220,7 @@ def test_reduced_hessian_is_the_derivative_of_the_reduced_gradient(
 
 
 def test_reduced_gradient_is_the_slope_of_the_weighted_sum(
-    flying: Flight, point: Point, linearised: Linearised
+    flying: Flight, point: Point, condensed: CondensedDynamics
 ) -> None:
     multipliers = random_multipliers(len(point.iterate.states))
 
@@ -206,8 +233,27 @@ def test_reduced_gradient_is_the_slope_of_the_weighted_sum(
 
     gradient = reduced_gradient(flying, point, multipliers)
     for d in directions(len(gradient)):
-        ahead = weighted(flown(flying, point, linearised, STEP * d))
-        behind = weighted(flown(flying, point, linearised, -STEP * d))
+        ahead = weighted(flown(flying, point, condensed, STEP * d))
+        behind = weighted(flown(flying, point, condensed, -STEP * d))
         assert (ahead - behind) / (2.0 * STEP) == pytest.approx(
             gradient @ d, abs=1e-6 * np.abs(gradient).max()
         )
+
+
+def test_what_is_read_of_the_state_map_is_the_state_map(condensed: CondensedDynamics) -> None:
+    """Its end, rows of gradients over it and products with its transpose, each made another way."""
+    whole, n = state_map(condensed), condensed.moving.shape[1]
+    size = np.abs(whole).max()
+    assert condensed.final_map[0] == pytest.approx(whole[-1], abs=1e-12 * size)
+    longitude = condensed.longitude_map()[0]
+    assert longitude == pytest.approx(whole[1:, 1], abs=1e-12 * size)
+    rng = np.random.default_rng(13)
+    gradient = rng.normal(size=(n - 1, 7))
+    projected = condensed.projected(gradient[None], ONE)[0]
+    exact = np.einsum("ij,ijz->z", gradient, whole[1:])
+    assert np.abs(projected - exact).max() < 1e-11 * np.abs(exact).max()
+    node, over_xt = np.array([0, 5, n - 1]), rng.normal(size=(3, 8))
+    exact = np.einsum("ij,ijz->iz", over_xt[:, :7], whole[node])
+    exact[:, -2] += 100.0 * over_xt[:, 7] * condensed.transcription.node_free[node]
+    rows = condensed.rows(0, node, over_xt)
+    assert np.abs(rows - exact).max() < 1e-11 * np.abs(exact).max()

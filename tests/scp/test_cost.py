@@ -14,12 +14,12 @@ from ampi.missions.sections import NoFlyZoneSection
 from ampi.physics.path_constraints import path_constraints
 from ampi.physics.planet import great_circle_distance
 from ampi.physics.vehicle import air_loads
-from ampi.scp.condensed.condensing import Iterate
-from ampi.scp.condensed.iterate import Flight, Linearised, Point, RestorationSettings
+from ampi.scp.condensed.condensing import CondensedDynamics
+from ampi.scp.condensed.iterate import ONE, Flight, Iterate, Point, RestorationSettings
 from ampi.scp.condensed.quadratic_model import (
     CurvatureSettings,
     Multipliers,
-    _lagrangian_hessian,
+    lagrangian_hessian,
     quadratic_subproblem,
 )
 from ampi.scp.guess import ConstantBank, constant_bank_guess
@@ -66,7 +66,7 @@ def everything(mission: Mission) -> Mission:
 @pytest.fixture(scope="module")
 def flying(everything: Mission) -> Flight:
     settings = RestorationSettings(tolerance=1e-12, corrections=20)
-    return Flight.of(OptimalControlProblem.from_mission(everything), settings)
+    return Flight.of(OptimalControlProblem.of(everything), settings)
 
 
 @pytest.fixture(scope="module")
@@ -81,14 +81,14 @@ def point(flying: Flight, everything: Mission) -> Point:
 
 
 @pytest.fixture(scope="module")
-def linearised(flying: Flight, point: Point) -> Linearised:
+def condensed(flying: Flight, point: Point) -> CondensedDynamics:
     return flying.linearise(point.iterate)
 
 
-def flown(flight: Flight, point: Point, linearised: Linearised, z: Array) -> Point:
+def flown(flight: Flight, point: Point, condensed: CondensedDynamics, z: Array) -> Point:
     """The flight restored at the controls of z."""
     here = point.iterate
-    states = here.states + linearised.condensed.state_map @ z
+    states = here.states + condensed.change(z[None], ONE)[:, 0].T
     there = Iterate(states, here.bank_rate + z[:-2], here.final_time + 100.0 * z[-2])
     restored = flight.restore(there, None)
     assert restored is not None
@@ -119,7 +119,7 @@ def test_the_cost_is_the_sum_of_its_terms(
     )
     exact = np.sum(t.weights * t.half_lengths(here.final_time) * running)
     exact += TERMS["flight_time"] * here.final_time
-    assert point.cost.total * flying.problem.objective.cost_scale == pytest.approx(exact, rel=1e-12)
+    assert point.cost * flying.problem.objective.cost_scale == pytest.approx(exact, rel=1e-12)
 
 
 def test_the_limits_are_what_they_are_called(
@@ -139,17 +139,15 @@ def test_the_limits_are_what_they_are_called(
     assert inside.any()
 
 
-def test_first_derivatives(flying: Flight, point: Point, linearised: Linearised) -> None:
+def test_first_derivatives(flying: Flight, point: Point, condensed: CondensedDynamics) -> None:
     multipliers = Multipliers.first(flying.problem, point)
     settings = CurvatureSettings(screening=-np.inf)
-    model = quadratic_subproblem(
-        flying, point, linearised, multipliers, met=None, settings=settings
-    )
+    model = quadratic_subproblem(flying, point, condensed, multipliers, met=None, settings=settings)
     node, kind = model.path_node, model.path_kind
     for d in directions(len(model.gradient)):
-        ahead = flown(flying, point, linearised, STEP * d)
-        behind = flown(flying, point, linearised, -STEP * d)
-        slope = (ahead.cost.smooth - behind.cost.smooth) / (2.0 * STEP)
+        ahead = flown(flying, point, condensed, STEP * d)
+        behind = flown(flying, point, condensed, -STEP * d)
+        slope = (ahead.smooth_cost - behind.smooth_cost) / (2.0 * STEP)
         assert slope == pytest.approx(model.gradient @ d, rel=1e-6, abs=1e-6)
         pairs = (
             (ahead.target_error, behind.target_error, model.target_map @ d),
@@ -159,38 +157,41 @@ def test_first_derivatives(flying: Flight, point: Point, linearised: Linearised)
             differenced = (after - before) / (2.0 * STEP)
             assert np.abs(differenced - linear).max() < 1e-5 * max(1.0, np.abs(linear).max())
         # what stands inside |·|, its quadrature weight included
-        inside = ahead.cost.weight * ahead.cost.value - behind.cost.weight * behind.cost.value
-        linear = point.cost.weight * (model.absolute_rows @ d)
+        inside = (
+            ahead.absolute.weight * ahead.absolute.value
+            - behind.absolute.weight * behind.absolute.value
+        )
+        linear = point.absolute.weight * (model.absolute_rows @ d)
         assert np.abs(inside / (2.0 * STEP) - linear).max() < 1e-6 * np.abs(linear).max()
 
 
-def test_curvature_of_the_lagrangian(flying: Flight, point: Point, linearised: Linearised) -> None:
+def test_curvature_of_the_lagrangian(
+    flying: Flight, point: Point, condensed: CondensedDynamics
+) -> None:
     # Second differences of J + λᵀe + Σ νᵀg + Σ β σ, |c| weighed by κ, along restored flights.
     rng, n = np.random.default_rng(2), len(point.path)
-    kappa = rng.uniform(-1.0, 1.0, len(point.cost.value))
+    kappa = rng.uniform(-1.0, 1.0, len(point.absolute.value))
     multipliers = Multipliers(
         target=rng.normal(size=6),
         limits=rng.uniform(size=point.path.shape) * (np.arange(5) != 3),  # but the switched one
         bank=0.1 * rng.normal(size=n),
-        absolute=kappa * point.cost.weight,
+        absolute=kappa * point.absolute.weight,
     )
 
     def lagrangian(at: Point) -> float:
         return float(
-            at.cost.smooth
-            + kappa @ (at.cost.weight * at.cost.value)
+            at.smooth_cost
+            + kappa @ (at.absolute.weight * at.absolute.value)
             + multipliers.target @ at.target_error
             + np.sum(multipliers.limits * at.path)
             + multipliers.bank @ at.iterate.states[:, 6]
         )
 
-    hessian = _lagrangian_hessian(flying, point, linearised, multipliers)
+    hessian = lagrangian_hessian(flying, point, condensed, multipliers)
     assert hessian == pytest.approx(hessian.T, abs=1e-10 * np.abs(hessian).max())
     here, step = lagrangian(point), 3e-3
     for d in directions(len(hessian)):
-        values = [
-            lagrangian(flown(flying, point, linearised, k * step * d)) for k in (-2, -1, 1, 2)
-        ]
+        values = [lagrangian(flown(flying, point, condensed, k * step * d)) for k in (-2, -1, 1, 2)]
         near, far = values[1] + values[2] - 2.0 * here, values[0] + values[3] - 2.0 * here
         curvature = (16.0 * near - far) / (12.0 * step**2)
         assert curvature == pytest.approx(d @ hessian @ d, rel=2e-4)

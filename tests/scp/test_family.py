@@ -8,14 +8,14 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from ampi.scp.condensed.family import _Newton, newton
+from ampi.scp.condensed.family_condensing import CondensedFamily
 from numpy.typing import NDArray
 
 import ampi
 from ampi.missions import Mission, load_mission
 from ampi.missions.loading import parse_mission
 from ampi.propagation.reintegration import reintegrate
-from ampi.scp.condensed.family import _Newton, newton
-from ampi.scp.condensed.family_condensing import CondensedFamily
 from ampi.scp.condensed.iterate import Flight, Linearised, Point, RestorationSettings
 from ampi.scp.condensed.quadratic_model import Multipliers, _lagrangian_hessian
 from ampi.scp.guess import NodalGuess, from_trajectory
@@ -142,7 +142,7 @@ def test_an_objective_that_it_does_not_know_is_left_alone(name: str) -> None:
         900.0,
         0.0,
         Status.SOLVED,
-        target_multipliers=np.zeros(len(OptimalControlProblem.from_mission(mission).target)),
+        target_multipliers=np.zeros(len(OptimalControlProblem.of(mission).target)),
     )
     assert solve_family([mission], [guess]) == [None]
 

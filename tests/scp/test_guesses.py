@@ -9,7 +9,7 @@ import pytest
 
 from ampi.missions import Mission
 from ampi.scp import guesses
-from ampi.scp.condensed.exact_hessian import SolverSettings
+from ampi.scp.condensed.settings import SolverSettings
 from ampi.scp.condensed.trust_region import TrustRegionSettings
 from ampi.scp.guess import ConstantBank
 from ampi.scp.guesses import OTHERS, from_any, from_each

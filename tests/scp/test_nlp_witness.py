@@ -24,6 +24,7 @@ from ampi.physics.vehicle import air_loads
 from ampi.pseudospectral.mesh import Mesh, Phase
 from ampi.scp.guess import ConstantBank, NodalGuess, constant_bank_guess, from_trajectory
 from ampi.scp.problem.objective import Objective
+from ampi.scp.problem.problem_numbers import ProblemNumbers
 from ampi.scp.solve import optimum
 from ampi.trajectory import Status, Trajectory
 
@@ -149,7 +150,9 @@ def nlp(
             low[-1, i], high[-1, i] = ends
         else:
             cost += weight * (x[i, n - 1] * SCALE[i] - wish) ** 2
-    worth = Objective.from_mission(mission).cost_scale  # brings the cost to the order of ten
+    worth = Objective.of(
+        ProblemNumbers.of(mission)
+    ).cost_scale  # brings the cost to the order of ten
     most = 0.0 if excess_price is None else np.inf
     # |c| = a with a ≥ ±c, for the terms that are there
     insides = [

@@ -9,9 +9,9 @@ import pytest
 from numpy.typing import NDArray
 
 from ampi.missions import Mission
-from ampi.scp.condensed.condensing import Iterate
-from ampi.scp.condensed.cost import cost_of
-from ampi.scp.condensed.iterate import Flight, Linearised, Point, RestorationSettings
+from ampi.scp.condensed.condensing import CondensedDynamics
+from ampi.scp.condensed.cost import smooth_cost
+from ampi.scp.condensed.iterate import ONE, Flight, Iterate, Point, RestorationSettings
 from ampi.scp.condensed.quadratic_model import (
     CurvatureSettings,
     Multipliers,
@@ -29,7 +29,7 @@ EVERYTHING = np.ones(4, dtype=bool)
 
 
 @pytest.fixture(scope="module")
-def linearised(flight: Flight, optimum: Point) -> Linearised:
+def condensed(flight: Flight, optimum: Point) -> CondensedDynamics:
     return flight.linearise(optimum.iterate)
 
 
@@ -42,22 +42,22 @@ def multipliers(flight: Flight, optimum: Point) -> Multipliers:
 
 @pytest.fixture(scope="module")
 def convex(
-    flight: Flight, optimum: Point, linearised: Linearised, multipliers: Multipliers
+    flight: Flight, optimum: Point, condensed: CondensedDynamics, multipliers: Multipliers
 ) -> ConvexSubproblem:
     return quadratic_subproblem(
         flight,
         optimum,
-        linearised,
+        condensed,
         multipliers,
         met=EVERYTHING,
         settings=CurvatureSettings(screening=0.5),
     )
 
 
-def moved(flight: Flight, point: Point, linearised: Linearised, z: Array) -> Point:
+def moved(flight: Flight, point: Point, condensed: CondensedDynamics, z: Array) -> Point:
     """The flight restored at the controls of z."""
     here = point.iterate
-    states = here.states + linearised.condensed.state_map @ z
+    states = here.states + condensed.change(z[None], ONE)[:, 0].T
     restored = flight.restore(
         Iterate(states, here.bank_rate + z[:-2], here.final_time + 100.0 * z[-2]), None
     )
@@ -71,11 +71,11 @@ def random_directions(n_z: int) -> list[Array]:
 
 
 def test_gradient_is_the_slope_of_the_effort(
-    flight: Flight, optimum: Point, linearised: Linearised, convex: ConvexSubproblem
+    flight: Flight, optimum: Point, condensed: CondensedDynamics, convex: ConvexSubproblem
 ) -> None:
     for d in random_directions(len(convex.gradient)):
-        ahead = moved(flight, optimum, linearised, STEP * d).cost.total
-        behind = moved(flight, optimum, linearised, -STEP * d).cost.total
+        ahead = moved(flight, optimum, condensed, STEP * d).cost
+        behind = moved(flight, optimum, condensed, -STEP * d).cost
         slope = (ahead - behind) / (2.0 * STEP)
         assert slope == pytest.approx(convex.gradient @ d, rel=1e-6, abs=1e-6)
 
@@ -92,7 +92,7 @@ def test_the_optimum_is_stationary(convex: ConvexSubproblem, multipliers: Multip
 def test_hessian_on_the_tangent_space_is_that_of_the_lagrangian(
     flight: Flight,
     optimum: Point,
-    linearised: Linearised,
+    condensed: CondensedDynamics,
     convex: ConvexSubproblem,
     multipliers: Multipliers,
 ) -> None:
@@ -109,8 +109,8 @@ def test_hessian_on_the_tangent_space_is_that_of_the_lagrangian(
 
     for k in (0, 5, 17, 30):
         d = tangent[:, k]
-        change = gradient(moved(flight, optimum, linearised, STEP * d))
-        change -= gradient(moved(flight, optimum, linearised, -STEP * d))
+        change = gradient(moved(flight, optimum, condensed, STEP * d))
+        change -= gradient(moved(flight, optimum, condensed, -STEP * d))
         differenced = tangent.T @ change / (2.0 * STEP)
         product = tangent.T @ convex.hessian @ d
         assert np.abs(differenced - product).max() < 1e-6 * np.abs(product).max()
@@ -151,16 +151,15 @@ def test_gauss_newton_is_the_effort_alone(flight: Flight, constant_bank_point: P
     z[:-2] = np.random.default_rng(1).uniform(-0.2, 0.2, len(z) - 2)
     t, here = flight.transcription, point.iterate
     changed = replace(here, bank_rate=here.bank_rate + z[:-2])
-    effort = cost_of(flight.problem.objective, t, changed, np.zeros((len(t.weights) + 1, 0))).total
-    assert point.cost.total + model.gradient @ z + 0.5 * z @ model.hessian @ z == pytest.approx(
-        effort
-    )
+    _, u, final_time = changed.batch
+    effort = smooth_cost(flight.problem, t, u, final_time, np.zeros((0, 1, len(t.weights) + 1)))[0]
+    assert point.cost + model.gradient @ z + 0.5 * z @ model.hessian @ z == pytest.approx(effort)
     diagonal = np.diag(model.hessian)
     assert diagonal[-2:] == pytest.approx(10.0 * diagonal[:-2].mean())
 
 
 def test_rows_of_the_path_limits(
-    flight: Flight, optimum: Point, linearised: Linearised, convex: ConvexSubproblem
+    flight: Flight, optimum: Point, condensed: CondensedDynamics, convex: ConvexSubproblem
 ) -> None:
     node, kind = convex.path_node, convex.path_kind
     above = np.nonzero(optimum.path > 0.5)
@@ -168,8 +167,8 @@ def test_rows_of_the_path_limits(
     assert np.array_equal(np.stack([node, kind]), np.stack(above))
     assert convex.path_room == pytest.approx(1.0 - optimum.path[node, kind])
     for d in random_directions(len(convex.gradient)):
-        ahead = moved(flight, optimum, linearised, STEP * d).path[node, kind]
-        behind = moved(flight, optimum, linearised, -STEP * d).path[node, kind]
+        ahead = moved(flight, optimum, condensed, STEP * d).path[node, kind]
+        behind = moved(flight, optimum, condensed, -STEP * d).path[node, kind]
         slope = (ahead - behind) / (2.0 * STEP)
         linear = convex.path_rows @ d
         assert slope == pytest.approx(linear, abs=1e-6 * max(1.0, np.abs(linear).max()))
@@ -180,33 +179,34 @@ def test_rows_of_the_path_limits_move_with_the_final_time(
 ) -> None:
     # Where the angle of attack still changes in the free phase, so does g at a moving node.
     flight, point = drifting
-    linearised = flight.linearise(point.iterate)
+    condensed = flight.linearise(point.iterate)
     convex = quadratic_subproblem(
         flight,
         point,
-        linearised,
+        condensed,
         Multipliers.first(flight.problem, point),
         met=None,
         settings=CurvatureSettings(screening=0.01),
     )
     node, kind = convex.path_node, convex.path_kind
-    by_time = linearised.derivatives.path_jacobian[node, kind, 7]
+    path_jacobian = np.stack([condensed.derivatives.gradient_of(k)[0] for k in range(3)])
+    by_time = path_jacobian[kind, node, 7]
     assert np.abs(by_time * flight.transcription.node_free[node]).max() > 1e-6
     d = np.zeros(len(convex.gradient))
     d[convex.final_time_column] = 1.0
-    ahead = moved(flight, point, linearised, STEP * d).path[node, kind]
-    behind = moved(flight, point, linearised, -STEP * d).path[node, kind]
+    ahead = moved(flight, point, condensed, STEP * d).path[node, kind]
+    behind = moved(flight, point, condensed, -STEP * d).path[node, kind]
     linear = convex.path_rows @ d
     assert np.abs((ahead - behind) / (2.0 * STEP) - linear).max() < 1e-6 * np.abs(linear).max()
 
 
 def test_rows_of_the_bank_and_its_rate(
-    flight: Flight, optimum: Point, linearised: Linearised, convex: ConvexSubproblem
+    flight: Flight, optimum: Point, condensed: CondensedDynamics, convex: ConvexSubproblem
 ) -> None:
     d = 0.03 * random_directions(len(convex.gradient))[-1]
-    there = moved(flight, optimum, linearised, d)
+    there = moved(flight, optimum, condensed, d)
     t = flight.transcription
-    rate = t.nodal_rate(there.iterate.bank_rate)
+    rate = t.nodal_rate(there.iterate.bank_rate[None])[0]
     assert convex.rate + convex.rate_rows @ d == pytest.approx(rate, abs=1e-11)
     limit = flight.problem.bank_limit
     bank = optimum.iterate.states[:, 6]
@@ -260,10 +260,10 @@ def test_no_step_is_left_at_the_optimum(
 
 
 def test_every_node_near_a_limit_is_a_row(
-    flight: Flight, optimum: Point, linearised: Linearised, multipliers: Multipliers
+    flight: Flight, optimum: Point, condensed: CondensedDynamics, multipliers: Multipliers
 ) -> None:
     convex = quadratic_subproblem(
-        flight, optimum, linearised, multipliers, met=EVERYTHING, settings=CurvatureSettings()
+        flight, optimum, condensed, multipliers, met=EVERYTHING, settings=CurvatureSettings()
     )
     near = optimum.path > 0.6
     assert np.any(near & (optimum.path < 0.95))  # none of them acts yet: a step may lead there
@@ -273,7 +273,7 @@ def test_every_node_near_a_limit_is_a_row(
 
 
 def test_multipliers_of_the_bank_bend_the_lagrangian(
-    flight: Flight, optimum: Point, linearised: Linearised, multipliers: Multipliers
+    flight: Flight, optimum: Point, condensed: CondensedDynamics, multipliers: Multipliers
 ) -> None:
     """The bank angle is bilinear in its rate and the final time."""
     pressed = replace(multipliers, bank=np.linspace(-1.0, 2.0, len(optimum.path)))
@@ -281,7 +281,7 @@ def test_multipliers_of_the_bank_bend_the_lagrangian(
         quadratic_subproblem(
             flight,
             optimum,
-            linearised,
+            condensed,
             one,
             met=EVERYTHING,
             settings=CurvatureSettings(floor=1e-12),
@@ -298,7 +298,7 @@ def test_an_absolute_value_at_its_kink_holds_the_step(
     """Its multiplier is below its weight there; beside the kink it is the weight itself."""
     objective = mission.objective.model_copy(update={"bank_rate_variation": 1.0})
     varied = mission.model_copy(update={"objective": objective})
-    problem = OptimalControlProblem.from_mission(varied)
+    problem = OptimalControlProblem.of(varied)
     flying = Flight.of(problem, RestorationSettings())
     point = flying.first_point(from_trajectory(nominal, varied))
     assert point is not None

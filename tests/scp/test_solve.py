@@ -16,9 +16,10 @@ from ampi.physics.planet import great_circle_distance
 from ampi.pseudospectral.lagrange import interpolation_matrix
 from ampi.scp.condensed import exact_hessian as solver
 from ampi.scp.condensed.elastic_target import ElasticSettings
-from ampi.scp.condensed.exact_hessian import ExactHessianIteration, SolverSettings
+from ampi.scp.condensed.exact_hessian import ExactHessianIteration
 from ampi.scp.condensed.iterate import Point
 from ampi.scp.condensed.quadratic_model import Multipliers
+from ampi.scp.condensed.settings import SolverSettings
 from ampi.scp.condensed.subproblem import ConvexSubproblem, Step, solve_subproblem
 from ampi.scp.condensed.trust_region import TrustRegionSettings
 from ampi.scp.guess import ConstantBank, from_trajectory

@@ -54,7 +54,7 @@ def model_at(
 def under_heat_limit(mission: Mission, heat_flux: float) -> Flight:
     """The flight of the mission under another heat-flux limit (W/m²)."""
     limits = mission.limits.model_copy(update={"heat_flux": heat_flux})
-    problem = OptimalControlProblem.from_mission(mission.model_copy(update={"limits": limits}))
+    problem = OptimalControlProblem.of(mission.model_copy(update={"limits": limits}))
     return Flight.of(problem, RestorationSettings())
 
 
@@ -251,6 +251,7 @@ def small_subproblem(seed: int, price: float) -> ConvexSubproblem:
         target_price=price * rng.uniform(1.0, 2.0, 4),
         rate_rows=rng.normal(size=(5, 8)),
         rate=rng.uniform(-0.9, 0.9, 5),
+        entry_rate=None,
         bank_map=np.eye(5),
         bank_rows=rng.normal(size=(5, 8)),
         bank_lower=-rng.uniform(0.1, 1.0, 5),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -16,11 +17,12 @@ from ampi.missions import Mission
 from ampi.physics.equations_of_motion import equations_of_motion
 from ampi.physics.state import CORE
 from ampi.pseudospectral.mesh import Mesh, Phase
-from ampi.scp.condensed.condensing import Iterate
-from ampi.scp.condensed.cost import cost_of
-from ampi.scp.condensed.iterate import Flight, Point
-from ampi.scp.condensed.transcription import radau_transcription
+from ampi.scp.condensed.cost import smooth_cost
+from ampi.scp.condensed.iterate import Flight, Iterate, Point
+from ampi.scp.condensed.transcription import RadauTranscription, radau_transcription
+from ampi.scp.guess import NodalGuess
 from ampi.scp.problem.objective import Objective
+from ampi.scp.problem.scaled_problem import OptimalControlProblem
 
 Array = NDArray[np.float64]
 laws = settings(deadline=None, max_examples=60)
@@ -38,6 +40,11 @@ def polynomials(seed: int, degree: int, final_time: float, count: int) -> list[P
     return [Polynomial(rng.uniform(-1.0, 1.0, degree + 1), domain=domain) for _ in range(count)]
 
 
+def residual(t: RadauTranscription, x: Array, rates: Array, final_time: float) -> Array:
+    """R (n − 1, 7) of one case, from states and rates (n, 7)."""
+    return t.residual(x.T[:, None], rates.T[:, None], np.array([final_time]))[0]
+
+
 @laws
 @given(seed=seeds, final_time=final_times)
 def test_a_polynomial_motion_leaves_no_residual(seed: int, final_time: float) -> None:
@@ -46,9 +53,9 @@ def test_a_polynomial_motion_leaves_no_residual(seed: int, final_time: float) ->
     motion = polynomials(seed, LOWEST, final_time, 7)
     x = np.stack([p(times) for p in motion], axis=1)
     rates = np.stack([p.deriv()(times) for p in motion], axis=1)
-    assert np.abs(t.residual(x, rates, final_time)).max() < 1e-11
+    assert np.abs(residual(t, x, rates, final_time)).max() < 1e-11
     x[-1, 3] += 1e-3
-    assert np.abs(t.residual(x, rates, final_time)).max() > 1e-4
+    assert np.abs(residual(t, x, rates, final_time)).max() > 1e-4
 
 
 @laws
@@ -61,8 +68,8 @@ def test_a_motion_above_the_degree_leaves_a_residual_in_the_poorest_segments(
     motion = Polynomial.fromroots([0.3 * final_time] * 6)
     scale = 1.0 / motion(final_time)
     x, rates = scale * motion(times), scale * motion.deriv()(times)
-    residual = t.residual(np.tile(x[:, None], 7), np.tile(rates[:, None], 7), final_time)
-    size = [np.abs(residual[s.collocation]).max() for s in MESH.segments]
+    left = residual(t, np.tile(x[:, None], 7), np.tile(rates[:, None], 7), final_time)
+    size = [np.abs(left[s.collocation]).max() for s in MESH.segments]
     rich = [s.rule.degree >= 6 for s in MESH.segments]
     for k, exact in enumerate(rich):
         assert (size[k] < 1e-12) == exact
@@ -70,16 +77,18 @@ def test_a_motion_above_the_degree_leaves_a_residual_in_the_poorest_segments(
 
 @laws
 @given(seed=seeds, final_time=final_times, degree=st.integers(0, LOWEST - 1))
-def test_effort_of_a_polynomial_rate_is_exact(seed: int, final_time: float, degree: int) -> None:
+def test_effort_of_a_polynomial_rate_is_exact(
+    problem: OptimalControlProblem, seed: int, final_time: float, degree: int
+) -> None:
     t = radau_transcription(MESH)
     (rate,) = polynomials(seed, degree, final_time, 1)
     square = (rate * rate).integ()
     exact = square(final_time) - square(0.0)
     unit = Objective(1.0, 1.0, effort=1.0, final_time=0.0, variation=0.0, descent=0.0)
-    none = np.zeros((len(t.weights) + 1, 0))
+    alone, none = replace(problem, objective=unit), np.zeros((0, 1, len(t.weights) + 1))
 
     def effort(u: Array) -> float:
-        return cost_of(unit, t, Iterate(np.zeros((len(u) + 1, 7)), u, final_time), none).total
+        return float(smooth_cost(alone, t, u[None], np.array([final_time]), none)[0])
 
     got = effort(rate(t.times(final_time)[1:]))
     assert got == pytest.approx(exact, rel=1e-11)
@@ -92,7 +101,7 @@ def test_rate_at_entry_continues_the_first_segment(seed: int, final_time: float)
     t = radau_transcription(MESH)
     (rate,) = polynomials(seed, MESH.segments[0].rule.degree - 1, final_time, 1)
     times = t.times(final_time)
-    nodal = t.nodal_rate(rate(times[1:]))
+    nodal = t.nodal_rate(rate(times[1:])[None])[0]
     assert nodal == pytest.approx(rate(times), abs=1e-10)
     assert len(nodal) == MESH.n_nodes
 
@@ -108,19 +117,19 @@ def test_half_lengths_add_up_to_the_flight(final_time: float) -> None:
 def test_the_derivative_blocks_are_those_of_the_residual() -> None:
     t = radau_transcription(MESH)
     x = np.random.default_rng(1).normal(size=(MESH.n_nodes, 7))
-    residual = t.residual(x, np.zeros_like(x), 700.0)
+    left = residual(t, x, np.zeros_like(x), 700.0)
     core = x[:, CORE]
     for s, derivative in zip(MESH.segments, t.core_derivative, strict=True):
         inside = core[s.nodes]
         found = (derivative @ inside[1:].ravel()).reshape(-1, len(CORE))
         found += s.rule.derivative[:, :1] * inside[0]
-        assert found == pytest.approx(residual[s.collocation][:, CORE], abs=1e-12)
+        assert found == pytest.approx(left[s.collocation][:, CORE], abs=1e-12)
 
 
 def test_integration_inverts_the_derivative_across_segments() -> None:
     t = radau_transcription(MESH)
     x = np.random.default_rng(2).normal(size=(MESH.n_nodes, 7))
-    rates = t.residual(x, np.zeros_like(x), 700.0)  # D x alone
+    rates = residual(t, x, np.zeros_like(x), 700.0)  # D x alone
     assert x[0] + t.integration @ rates == pytest.approx(x[1:], abs=1e-12)
     assert t.integration[-1] == pytest.approx(t.weights, abs=1e-13)
 
@@ -128,11 +137,11 @@ def test_integration_inverts_the_derivative_across_segments() -> None:
 def test_the_restored_flight_satisfies_collocation_and_entry(
     flight: Flight, constant_bank_point: Point
 ) -> None:
-    here, t = constant_bank_point.iterate, flight.transcription
-    rates, _ = flight.dynamics.values(
-        here.states, t.nodal_rate(here.bank_rate), t.times(here.final_time)
-    )
-    assert np.abs(t.residual(here.states, rates, here.final_time)).max() < 1e-10
+    here, t, problem = constant_bank_point.iterate, flight.transcription, flight.problem
+    x, u, final_time = here.batch
+    evaluate = problem.dynamics.values.one_by_one
+    rates, _ = evaluate(x, t.nodal_rate(u), t.times(final_time), problem.numbers)
+    assert np.abs(t.residual(x, rates, final_time)).max() < 1e-10
     assert here.states[0, :6] == pytest.approx(flight.problem.entry, rel=1e-15)
     assert np.all(here.bank_rate == 0.0)
     assert here.states[:, 6] == pytest.approx(np.full(len(here.states), np.radians(-30.0)))
@@ -174,12 +183,15 @@ def test_restoration_is_a_projection(flight: Flight, constant_bank_point: Point)
     assert again.iterate.states == pytest.approx(here.states, abs=1e-11)
     shake = 1e-3 * np.random.default_rng(3).normal(size=here.states.shape)
     shaken = Iterate(here.states + shake, here.bank_rate, here.final_time)
-    back = flight.restore(shaken, flight.linearise(here).condensed)
+    back = flight.restore(shaken, flight.linearise(here))
     assert back is not None
     entry_bank = shake[0, 6]  # free: the flight keeps the bank angle it was given
     assert back.iterate.states[:, 6] == pytest.approx(here.states[:, 6] + entry_bank, abs=1e-11)
-    back = flight.restore(
-        Iterate(here.states + shake * (np.arange(7) < 6), here.bank_rate, here.final_time), None
+    # at another entry state, which is put right first
+    rate = flight.transcription.nodal_rate(here.bank_rate[None])[0]
+    states = (here.states + shake * (np.arange(7) < 6)) * SCALE
+    back = flight.first_point(
+        NodalGuess(states, rate * flight.problem.bank_rate_limit, here.final_time)
     )
     assert back is not None
     assert back.iterate.states == pytest.approx(here.states, abs=1e-10)
@@ -190,7 +202,7 @@ def test_evaluation_of_a_point(flight: Flight, optimum: Point, mission: Mission)
     rate = here.bank_rate * mission.limits.bank_rate / np.radians(1.0)  # deg/s
     t = flight.transcription
     effort = np.sum(t.half_lengths(here.final_time) * t.weights * rate**2)
-    assert optimum.cost.total == pytest.approx(effort, rel=1e-12)
+    assert optimum.cost == pytest.approx(effort, rel=1e-12)
     target = mission.target
     reference = [target.altitude, target.longitude, target.latitude, target.speed]
     assert optimum.target_error * SCALE[:4] == pytest.approx(

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from ampi.missions import Mission, load_mission
+from ampi.missions.family import MissionFamily
 from ampi.missions.final_states import FinalState
 from ampi.physics.angles import wrapped
 from ampi.physics.state import CIRCULAR_STATES
@@ -83,7 +84,7 @@ def test_a_neighbour_on_another_turn_is_as_good_a_guess(
     here = turned(mission, target__longitude=1)
     assert from_trajectory(neighbour, here).states == pytest.approx(nominal.states.T, abs=1e-12)
     assert_same_flight(solve(here, guess=neighbour), nominal)
-    (together,) = solve_family([here], [neighbour])
+    (together,) = solve_family(MissionFamily.of([here]), [neighbour])
     assert together is not None
     assert_same_flight(together, nominal)
 
@@ -139,7 +140,7 @@ def test_a_final_angle_of_the_literature_is_reached_the_short_way() -> None:
 def test_a_miss_near_the_pole_is_a_distance(mission: Mission) -> None:
     # 500 m beyond the pole, on the meridian opposite to a target 400 m before it
     target = mission.target.model_copy(update={"latitude": 0.5 * np.pi - 400.0 / 6378137.0})
-    problem = OptimalControlProblem.from_mission(mission.model_copy(update={"target": target}))
+    problem = OptimalControlProblem.of(mission.model_copy(update={"target": target}))
     final = np.zeros(7)
     final[problem.target.state] = problem.target.reference
     final[1], kept = target.longitude + np.pi, np.zeros(3)

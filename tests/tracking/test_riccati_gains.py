@@ -13,7 +13,7 @@ from ampi.missions.family import MissionFamily
 from ampi.missions.mission import Mission
 from ampi.physics.equations_of_motion import equations_of_motion
 from ampi.simulation.closed_loop import FlightStatus, fly_batch
-from ampi.tracing.derivatives import scaled_dynamics
+from ampi.tracing.dynamics import Physics, node_dynamics
 from ampi.tracing.node_functions import NodeFunctions
 from ampi.tracker_design.riccati_gains import GainSettings, vertex_gains
 from ampi.trajectory import Trajectory
@@ -46,12 +46,17 @@ def witness(mission: Mission, nominal: Trajectory) -> Array:
     inverse_r = settings.bank_rate**2 * t_f
     q = np.zeros((7, 7))
     q[6, 6] = 1.0 / (settings.bank_deviation**2 * t_f)
-    dynamics = scaled_dynamics(mission.flight_model, NodeFunctions(), (1.0,) * 7, 1.0, 1)
+    physics = Physics.of(mission.flight_model, NodeFunctions(), 1.0)
+    dynamics = node_dynamics(physics.structure, (1.0,) * 7).jacobian
 
     def backward(t: float, flat: Array) -> Array:
         s = flat.reshape(7, 7)
         x, _ = nominal.at(t)
-        a = dynamics.first(x.T, np.zeros(1), np.array([t])).state_jacobian[0]
+        at = (x[:, :, None], np.zeros((1, 1)), np.array([[t]]))
+        (found,) = dynamics.one_by_one(*at, physics.numbers)
+        a = np.zeros((7, 7))
+        for (row, column), value in zip(dynamics.nonzeros[0], found[:, 0, 0], strict=True):
+            a[row, column] = value
         return -(a.T @ s + s @ a + q - inverse_r * np.outer(s[:, 6], s[6])).ravel()
 
     gains = np.empty((7, mesh.n_nodes))

@@ -51,11 +51,12 @@ class _Rows:
         """All inequalities on z."""
         final_time = np.zeros((1, len(problem.gradient)))
         final_time[0, problem.final_time_column] = 1.0
+        rate = problem.rate_bounds
         radius, below = [problem.radius], np.full(len(problem.path_room), -np.inf)
         return cls(
             np.vstack([problem.rate_rows, problem.bank_rows, final_time, problem.path_rows]),
-            np.concatenate([-1.0 - problem.rate, problem.bank_lower, np.negative(radius), below]),
-            np.concatenate([1.0 - problem.rate, problem.bank_upper, radius, problem.path_room]),
+            np.concatenate([rate[0], problem.bank_lower, np.negative(radius), below]),
+            np.concatenate([rate[1], problem.bank_upper, radius, problem.path_room]),
         )
 
 
@@ -73,7 +74,8 @@ def solve_active_set(problem: ConvexSubproblem) -> Step | None:
     start = -_solved(factor, problem.gradient)
     with np.errstate(divide="ignore"):
         give = np.where(exact, 0.0, 0.5 / target.weight)
-    side = np.zeros(len(rows.lower))  # +1 at the upper bound, −1 at the lower
+    given = rows.lower == rows.upper
+    side = given.astype(float)  # +1 at the upper bound, −1 at the lower
     for _ in range(MOST_CHANGES):
         active = np.flatnonzero(side)
         bound = np.where(side[active] > 0, rows.upper[active], rows.lower[active])
@@ -91,7 +93,7 @@ def solve_active_set(problem: ConvexSubproblem) -> Step | None:
         on_rows[active] = multiplier[count:]
         above = (value > rows.upper + FEASIBLE) | ((side > 0) & (on_rows > 0.0))
         below = (value < rows.lower - FEASIBLE) | ((side < 0) & (on_rows < 0.0))
-        following = above.astype(float) - below.astype(float)
+        following = np.where(given, 1.0, above.astype(float) - below.astype(float))
         if np.array_equal(following, side):
             return _step(problem, z, multiplier[:count], on_rows)
         side = following

@@ -1,4 +1,4 @@
-"""The cost of a flight, its gradient and its curvature (objective, Eq. (1)).
+"""The cost of a flight, its gradient and its curvature (objective, Eq. (1)), for c cases at once.
 
 By the quadrature of the transcription, q_i = w_i h_i(t_f), the cost is smooth in z = (δu, δt_f, δσ₀) but
 for two sums of absolute values of smooth functions,
@@ -9,6 +9,8 @@ The convex subproblem keeps |·| and linearises what stands inside. For such a c
 Lagrangian holds κ_i c_i for each |c_i|, with the multiplier κ_i of the last step (Fletcher 1987,
 Section 14.2), so the inside has curvature of its own. And everything that q_i multiplies moves with
 t_f: ∂q_i/∂t_f = w_i β_i enters the gradient, and with δx or δu the Hessian.
+
+û is (c, n − 1), t_f (c,), integrands are (k, c, n): L, if any, then D, if any.
 
 References
 ----------
@@ -23,122 +25,139 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ampi.physics.state import N_STATES
-from ampi.scp.condensed.condensing import CondensedDynamics, Iterate
+from ampi.scp.condensed.condensing import Cases, CondensedDynamics
 from ampi.scp.condensed.transcription import RadauTranscription
-from ampi.scp.problem.objective import Objective
-from ampi.tracing.derivatives import NodeDerivatives
+from ampi.scp.problem.scaled_problem import OptimalControlProblem, by_case
 
 Array = NDArray[np.float64]
 
 
-@dataclass(frozen=True, eq=False)
-class Cost:
-    """Eq. (1): the smooth terms, and Σ weight |value|."""
+def smooth_cost(
+    problem: OptimalControlProblem,
+    t: RadauTranscription,
+    u: Array,
+    final_time: Array,
+    integrands: Array,
+) -> Array:
+    """The smooth terms of Eq. (1), (c,)."""
+    objective, quadrature = problem.objective, t.half_lengths(final_time) * t.weights
+    total = by_case(objective.effort) * (quadrature * u * u).sum(axis=1, keepdims=True)
+    total = (total + by_case(objective.final_time) * final_time[:, None])[:, 0]
+    if problem.functions.n_smooth:
+        total = total + (quadrature * integrands[0, :, 1:]).sum(axis=1)
+    return np.asarray(total)
 
-    smooth: float
-    value: Array  # (k,): û, then D, at the collocation points
+
+def smooth_gradient(
+    problem: OptimalControlProblem, t: RadauTranscription, u: Array, final_time: Array
+) -> Array:
+    """Of effort and flight time over z, (c, n_z): what needs no state."""
+    objective, scale = problem.objective, problem.scaling.final_time
+    effort = by_case(objective.effort)
+    gradient = np.zeros((len(u), u.shape[1] + 2))
+    gradient[:, :-2] = 2.0 * effort * t.half_lengths(final_time) * t.weights * u
+    growth = t.half_free * t.weights * scale  # ∂q/∂(δt_f)
+    gradient[:, -2] = effort[:, 0] * (growth * u * u).sum(axis=1)
+    gradient[:, -2] += by_case(objective.final_time)[:, 0] * scale
+    return gradient
+
+
+def integrand_gradient(
+    condensed: CondensedDynamics, values: Array, jacobian: Array, half: Array, cases: Cases
+) -> Array:
+    """Of ∫ L dt over z, (k, n_z), from L (k, n − 1) and ∂L/∂(x, t) (k, n − 1, 8) at the points."""
+    t, scale = condensed.transcription, condensed.final_time_scale
+    weighted = (half * t.weights)[:, :, None] * jacobian
+    gradient = condensed.projected(weighted[:, :, :N_STATES], cases)
+    gradient[:, -2] += (weighted[:, :, N_STATES] * t.node_free[1:]).sum(axis=1) * scale
+    gradient[:, -2] += (t.half_free * t.weights * values).sum(axis=1) * scale
+    return gradient
+
+
+@dataclass(frozen=True, eq=False)
+class AbsoluteTerms:
+    """Σ weight |value| of Eq. (1) for one case: û, then D, at the collocation points."""
+
+    value: Array  # (k,)
     weight: Array  # (k,), positive
+
+    @classmethod
+    def of(
+        cls,
+        problem: OptimalControlProblem,
+        t: RadauTranscription,
+        u: Array,
+        final_time: float,
+        integrands: Array,
+    ) -> AbsoluteTerms:
+        """From û (n − 1,) and the integrands (k, n)."""
+        objective, quadrature = problem.objective, t.weights * t.half_lengths(final_time)
+        value, weight = [np.zeros(0)], [np.zeros(0)]
+        if objective.variation > 0.0:
+            value.append(u)
+            weight.append(objective.variation * quadrature)
+        if objective.descent > 0.0:
+            value.append(integrands[-1, 1:])
+            weight.append(objective.descent * quadrature)
+        return cls(np.concatenate(value), np.concatenate(weight))
 
     @property
     def total(self) -> float:
-        """Scaled cost without the target's."""
-        return self.smooth + float(self.weight @ np.abs(self.value))
+        """Σ weight |value|."""
+        return float(self.weight @ np.abs(self.value))
 
 
-def cost_of(
-    objective: Objective, t: RadauTranscription, iterate: Iterate, integrand: Array
-) -> Cost:
-    """Eq. (1) with the integrands (n, k) at the nodes: L, if any, then D, if any."""
-    u, quadrature = iterate.bank_rate, t.weights * t.half_lengths(iterate.final_time)
-    smooth = objective.effort * float(np.sum(quadrature * u * u))
-    smooth += objective.final_time * iterate.final_time
-    if objective.n_smooth(integrand):
-        smooth += float(quadrature @ integrand[1:, 0])
-    value, weight = [np.zeros(0)], [np.zeros(0)]
-    if objective.variation > 0.0:
-        value.append(u)
-        weight.append(objective.variation * quadrature)
-    if objective.descent > 0.0:
-        value.append(integrand[1:, -1])
-        weight.append(objective.descent * quadrature)
-    return Cost(smooth, np.concatenate(value), np.concatenate(weight))
-
-
-@dataclass(frozen=True, eq=False)
-class CostModel:
-    """First derivatives of Eq. (1) over z."""
-
-    gradient: Array  # (n_z,), of the smooth terms
-    absolute_rows: Array  # (k, n_z): value + rows z, in the units of `Cost.value`
-
-
-def linearised_cost(
-    objective: Objective,
-    t: RadauTranscription,
-    iterate: Iterate,
-    derivatives: NodeDerivatives,
+def absolute_rows(
+    problem: OptimalControlProblem,
     condensed: CondensedDynamics,
-) -> CostModel:
-    """Gradient of the smooth terms and of what stands inside |·|."""
-    u, final_time = iterate.bank_rate, iterate.final_time
-    half, n_z = t.half_lengths(final_time), condensed.n_variables
-    time_column, scale = n_z - 2, condensed.final_time_scale
-    growth = t.half_free * t.weights * scale  # ∂q/∂(δt_f)
-    gradient = np.zeros(n_z)
-    gradient[: len(u)] = 2.0 * objective.effort * half * t.weights * u
-    gradient[time_column] = objective.effort * float(np.sum(growth * u * u))
-    gradient[time_column] += objective.final_time * scale
-    if objective.n_smooth(derivatives.integrand):
-        rows = _integrand_rows(derivatives.integrand_jacobian[1:, 0], t, condensed)
-        gradient += (half * t.weights) @ rows
-        gradient[time_column] += float(growth @ derivatives.integrand[1:, 0])
+    u: Array,
+    descent: Array,
+    descent_jacobian: Array,
+) -> Array:
+    """Rows over z of what stands inside |·| (k, n_z), of one case: value + rows z.
+
+    `descent` is D (n,), `descent_jacobian` ∂D/∂(x, t) (n, 8); without such a term they are not read.
+    """
+    t, objective, n_z = condensed.transcription, problem.objective, condensed.n_variables
+    growth = t.half_free / condensed.half[0] * condensed.final_time_scale  # ∂(log q)/∂(δt_f)
     blocks = [np.zeros((0, n_z))]
-    stretch = t.half_free / half * scale  # ∂(log q)/∂(δt_f)
     if objective.variation > 0.0:
         rows = np.eye(len(u), n_z)
-        rows[:, time_column] = stretch * u
+        rows[:, -2] = growth * u
         blocks.append(rows)
     if objective.descent > 0.0:
-        rows = _integrand_rows(derivatives.integrand_jacobian[1:, -1], t, condensed)
-        rows[:, time_column] += stretch * derivatives.integrand[1:, -1]
+        rows = condensed.rows(0, np.arange(1, len(u) + 1), descent_jacobian[1:])
+        rows[:, -2] += growth * descent[1:]
         blocks.append(rows)
-    return CostModel(gradient, np.concatenate(blocks))
-
-
-def _integrand_rows(jacobian: Array, t: RadauTranscription, condensed: CondensedDynamics) -> Array:
-    """Rows over z (n − 1, n_z) of an integrand with `jacobian` (n − 1, 8) over (x, t)."""
-    rows = np.einsum("ij,ijz->iz", jacobian[:, :N_STATES], condensed.state_map[1:])
-    rows[:, -2] += jacobian[:, N_STATES] * t.node_free[1:] * condensed.final_time_scale
-    return np.asarray(rows)
+    return np.concatenate(blocks)
 
 
 def integrand_multipliers(
-    objective: Objective, t: RadauTranscription, final_time: float, kappa: Array, count: int
+    problem: OptimalControlProblem, t: RadauTranscription, final_time: Array, kappa: Array
 ) -> Array:
-    """What multiplies each integrand in the Lagrangian (n, k): q for L, κ for D."""
-    multipliers = np.zeros((len(t.weights) + 1, count))
-    if count > int(objective.descent > 0.0):
-        multipliers[1:, 0] = t.weights * t.half_lengths(final_time)
-    if objective.descent > 0.0:
-        multipliers[1:, -1] = kappa[-len(t.weights) :]
-    return multipliers
+    """What multiplies each integrand in the Lagrangian, (k, c, n − 1): q for L, κ (c, ·) for D."""
+    found = []
+    if problem.functions.n_smooth:
+        found.append(t.weights * t.half_lengths(final_time))
+    if problem.functions.n_absolute:
+        found.append(kappa[:, -len(t.weights) :])
+    return np.array(found).reshape(len(found), len(final_time), len(t.weights))
 
 
 def add_rate_curvature(
     hessian: Array,
-    objective: Objective,
+    problem: OptimalControlProblem,
     t: RadauTranscription,
-    iterate: Iterate,
-    kappa: Array,
-    scale: float,
+    u: Array,
+    final_time: Array,
+    kappa: Array | None = None,
 ) -> None:
-    """Add the second derivatives of the terms in û; `kappa` (k,) are multipliers of `Cost.value`."""
-    u, n_u = iterate.bank_rate, len(iterate.bank_rate)
-    half, time_column = t.half_lengths(iterate.final_time), hessian.shape[0] - 2
-    diagonal = np.arange(n_u)
-    hessian[diagonal, diagonal] += 2.0 * objective.effort * half * t.weights
-    coupling = 2.0 * objective.effort * t.half_free * t.weights * u * scale
-    if objective.variation > 0.0:
-        coupling += kappa[:n_u] * t.half_free / half * scale
-    hessian[:n_u, time_column] += coupling
-    hessian[time_column, :n_u] += coupling
+    """Add the second derivatives of the terms in û to H (c, n_z, n_z); `kappa` (c, k) of |û|."""
+    n_u, scale, effort = u.shape[1], problem.scaling.final_time, by_case(problem.objective.effort)
+    half, diagonal = t.half_lengths(final_time), np.arange(n_u)
+    hessian[:, diagonal, diagonal] += 2.0 * effort * half * t.weights
+    coupling = 2.0 * effort * t.half_free * t.weights * scale * u
+    if kappa is not None and np.any(problem.objective.variation > 0.0):
+        coupling = coupling + kappa[:, :n_u] * t.half_free / half * scale
+    hessian[:, :n_u, -2] += coupling
+    hessian[:, -2, :n_u] += coupling

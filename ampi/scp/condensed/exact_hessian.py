@@ -22,53 +22,33 @@ branches.
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ampi.scp.condensed.active_set import solve_active_set
-from ampi.scp.condensed.condensing import CondensedDynamics, Iterate
+from ampi.scp.condensed.condensing import CondensedDynamics
 from ampi.scp.condensed.convexify import CurvatureFloor
-from ampi.scp.condensed.elastic_target import ElasticSettings, elastic_cost, held_targets
-from ampi.scp.condensed.iterate import Flight, Point, RestorationSettings
-from ampi.scp.condensed.merit_weights import MeritWeights, ReliefSettings
+from ampi.scp.condensed.elastic_target import elastic_cost, held_targets
+from ampi.scp.condensed.iterate import ONE, Flight, Iterate, Point
+from ampi.scp.condensed.merit_weights import MeritWeights
 from ampi.scp.condensed.quadratic_model import (
-    CurvatureSettings,
     Multipliers,
     quadratic_subproblem,
     reference_curvature,
     with_merit,
 )
+from ampi.scp.condensed.settings import SolverSettings
 from ampi.scp.condensed.subproblem import ConvexSubproblem, Step, solve_subproblem
-from ampi.scp.condensed.trust_region import TrustRegion, TrustRegionSettings
+from ampi.scp.condensed.trust_region import TrustRegion
 from ampi.scp.guess import NodalGuess
-from ampi.scp.problem.convergence import ConvergenceSettings, verdict
-from ampi.scp.problem.penalty import PenaltySettings
+from ampi.scp.problem.convergence import verdict
 from ampi.scp.problem.scaled_problem import OptimalControlProblem
-from ampi.scp.problem.sensible import require_sensible
 from ampi.trajectory import IterationRecord, Statistics, Status, Trajectory
 
 Array = NDArray[np.float64]
-
-
-@dataclass(frozen=True, kw_only=True)
-class SolverSettings:
-    """All numbers that steer the method; none depends on the mission."""
-
-    max_iterations: int = 300
-    corrections: int = 3  # second-order, per step; one where the whole target is soft
-    patience: int = 40  # iterations given to a raised price or penalty before it counts as vain
-    trust_region: TrustRegionSettings = field(default_factory=TrustRegionSettings)
-    elastic: ElasticSettings = field(default_factory=ElasticSettings)
-    penalty: PenaltySettings = field(default_factory=PenaltySettings)
-    relief: ReliefSettings = field(default_factory=ReliefSettings)
-    curvature: CurvatureSettings = field(default_factory=CurvatureSettings)
-    restoration: RestorationSettings = field(default_factory=RestorationSettings)
-    convergence: ConvergenceSettings = field(default_factory=ConvergenceSettings)
-
-    def __post_init__(self) -> None:
-        require_sensible("settings", self)
 
 
 _CONVERGED = (Status.TARGET_MISSED, Status.LIMITS_EXCEEDED)
@@ -86,8 +66,14 @@ class _Candidate:
 class ExactHessianIteration:
     """One run of the iteration."""
 
-    def __init__(self, problem: OptimalControlProblem, settings: SolverSettings) -> None:
+    def __init__(
+        self,
+        problem: OptimalControlProblem,
+        settings: SolverSettings,
+        subproblem: Callable[[ConvexSubproblem], Step] | None = None,
+    ) -> None:
         self.problem, self.settings = problem, settings
+        self.solve_subproblem = subproblem or _solve_subproblem
         self.flight = Flight.of(problem, settings.restoration)
         self.region = TrustRegion(settings.trust_region, settings.trust_region.initial)
         self.multipliers: Multipliers
@@ -108,6 +94,9 @@ class ExactHessianIteration:
             return self.result(None, Status.GUESS_FAILED)
         status, model = Status.ITERATION_LIMIT, None
         for iteration in range(1, self.settings.max_iterations + 1):
+            if self.settings.is_over(self.began):
+                status = Status.TIME_LIMIT
+                break
             if model is None:
                 if iteration == 1:
                     model = self.first_model(point, guess if warm else None)
@@ -205,7 +194,7 @@ class ExactHessianIteration:
             price=self.weights.price,
             penalty=self.weights.penalty,
         )
-        step = solve_subproblem(short)
+        step = self.solve_subproblem(short)
         if step.usable:
             self.multipliers = Multipliers.of(step, short)
             self.weights.relieve(self.multipliers.target, self.multipliers.limits)
@@ -214,16 +203,16 @@ class ExactHessianIteration:
         self, point: Point, met: NDArray[np.bool_] | None
     ) -> tuple[CondensedDynamics, ConvexSubproblem]:
         """Linearise and condense at `point`, and build the quadratic model."""
-        linearised = point.linearised or self.flight.linearise(point.iterate)
+        condensed = point.condensed or self.flight.linearise(point.iterate)
         convex = quadratic_subproblem(
             self.flight,
             point,
-            linearised,
+            condensed,
             self.multipliers,
             met=met,
             settings=replace(self.settings.curvature, floor=self.floor.value),
         )
-        return linearised.condensed, convex
+        return condensed, convex
 
     def try_step(
         self, point: Point, condensed: CondensedDynamics, convex: ConvexSubproblem
@@ -238,7 +227,7 @@ class ExactHessianIteration:
         inside = convex.absolute_value + convex.absolute_rows @ z
         error = point.target_error + convex.target_map @ z
         predicted = self.merit(point) - (
-            point.cost.smooth
+            point.smooth_cost
             + 0.5 * z @ convex.hessian @ z
             + convex.gradient @ z
             + convex.absolute_weight @ np.abs(inside)
@@ -252,7 +241,7 @@ class ExactHessianIteration:
             if there is None or enough or size < self.settings.convergence.step:
                 break
             moved = best.step.z
-            shifted = convex.corrected(moved, there.target_error, there.path, there.cost.value)
+            shifted = convex.corrected(moved, there.target_error, there.path, there.absolute.value)
             second = self.candidate(point, condensed, shifted)
             if not (second.step.usable and second.reduction > best.reduction):
                 break
@@ -268,13 +257,13 @@ class ExactHessianIteration:
     ) -> _Candidate:
         """Solve the subproblem and fly its step."""
         clock = time.perf_counter()
-        step = solve_active_set(convex) or solve_subproblem(convex)
+        step = self.solve_subproblem(convex)
         self.subproblem_seconds += time.perf_counter() - clock
         if not step.usable:
             return _Candidate(step, None, -np.inf)
         here = point.iterate
         there = Iterate(
-            here.states + condensed.state_map @ step.z,
+            here.states + condensed.change(step.z[None], ONE)[:, 0].T,
             here.bank_rate + step.z[: len(here.bank_rate)],
             here.final_time + step.z[-2] * condensed.final_time_scale,
         )
@@ -301,7 +290,7 @@ class ExactHessianIteration:
     ) -> None:
         """One row of the log."""
         scale = self.problem.objective.cost_scale
-        cost = point.cost.total + self.problem.target.quadratic(point.target_error)
+        cost = point.cost + self.problem.target.quadratic(point.target_error)
         self.log.append(
             IterationRecord(
                 iteration=iteration,
@@ -324,10 +313,10 @@ class ExactHessianIteration:
             cost, excess = np.nan, np.full(problem.n_limits, np.nan)
         else:
             states = point.iterate.states * np.array(problem.scaling.states)
-            rate = self.flight.transcription.nodal_rate(point.iterate.bank_rate)
+            rate = self.flight.transcription.nodal_rate(point.iterate.bank_rate[None])[0]
             rate = rate * problem.bank_rate_limit
             final_time, excess = point.iterate.final_time, point.excess
-            cost = point.cost.total + problem.target.quadratic(point.target_error)
+            cost = point.cost + problem.target.quadratic(point.target_error)
         known = None if point is None else self.multipliers.target / problem.multiplier_scale
         return Trajectory(
             mesh=problem.mesh,
@@ -345,6 +334,11 @@ class ExactHessianIteration:
             ),
             target_multipliers=known,
         )
+
+
+def _solve_subproblem(convex: ConvexSubproblem) -> Step:
+    """By the active set where that is enough, else by the interior-point method."""
+    return solve_active_set(convex) or solve_subproblem(convex)
 
 
 def _multipliers_of(neighbour: NodalGuess, problem: OptimalControlProblem) -> Array | None:

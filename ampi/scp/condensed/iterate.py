@@ -9,16 +9,17 @@ from numpy.typing import NDArray
 
 from ampi.missions.path_limits import KEPT
 from ampi.physics.state import BANK
-from ampi.scp.condensed.condensing import CondensedDynamics, Iterate, condense
-from ampi.scp.condensed.cost import Cost, cost_of
+from ampi.scp.condensed.condensing import CondensedDynamics, NodeDerivatives, condense
+from ampi.scp.condensed.cost import AbsoluteTerms, smooth_cost
 from ampi.scp.condensed.elastic_target import elastic_cost
 from ampi.scp.condensed.transcription import RadauTranscription, radau_transcription
 from ampi.scp.guess import NodalGuess, collocated_rate
 from ampi.scp.problem.penalty import limit_excess
-from ampi.scp.problem.scaled_problem import OptimalControlProblem, Target
-from ampi.tracing.derivatives import NodeDerivatives, ScaledDynamics, scaled_dynamics
+from ampi.scp.problem.scaled_problem import OptimalControlProblem, Target, by_case
 
 Array = NDArray[np.float64]
+
+ONE = np.zeros(1, dtype=np.intp)  # the case of a batch of one
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -33,12 +34,18 @@ class RestorationSettings:
     )
 
 
-@dataclass(frozen=True, eq=False)
-class Linearised:
-    """Derivatives at a point and the condensed dynamics."""
+@dataclass(frozen=True)
+class Iterate:
+    """Scaled states (n, 7), bank rate at the collocation points (n − 1,), final time (s)."""
 
-    derivatives: NodeDerivatives
-    condensed: CondensedDynamics
+    states: Array
+    bank_rate: Array
+    final_time: float
+
+    @property
+    def batch(self) -> tuple[Array, Array, Array]:
+        """x (7, 1, n), û (1, n − 1) and t_f (1,): the batch of one."""
+        return self.states.T[:, None], self.bank_rate[None], np.array([self.final_time])
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,15 +54,21 @@ class Point:
 
     iterate: Iterate
     path: Array  # g (n, m)
-    cost: Cost
+    smooth_cost: float
+    absolute: AbsoluteTerms
     target_error: Array  # e of the target's rows
     excess: Array  # (m,), of the limits
-    linearised: Linearised | None = None  # made at a guess that is this point but for a trifle
+    condensed: CondensedDynamics | None = None  # of a guess that is this point but for a trifle
+
+    @property
+    def cost(self) -> float:
+        """Scaled cost without the target's."""
+        return self.smooth_cost + self.absolute.total
 
     def merit(self, target: Target, price: Array, penalty: float) -> float:
         """Penalty, Eq. (1)."""
         return (
-            self.cost.total
+            self.cost
             + elastic_cost(self.target_error, target, price)
             + penalty * float(self.excess.sum())
         )
@@ -67,28 +80,37 @@ class Flight:
 
     problem: OptimalControlProblem
     transcription: RadauTranscription
-    dynamics: ScaledDynamics
     restoration: RestorationSettings
 
     @classmethod
     def of(cls, problem: OptimalControlProblem, restoration: RestorationSettings) -> Flight:
-        """Bind a problem to its cached transcription and traced derivatives."""
-        dynamics = scaled_dynamics(
-            problem.model,
-            problem.functions,
-            problem.scaling.states,
-            problem.bank_rate_limit,
-            problem.mesh.n_nodes,
-        )
-        return cls(problem, radau_transcription(problem.mesh), dynamics, restoration)
+        """Bind a problem to its cached transcription."""
+        return cls(problem, radau_transcription(problem.mesh), restoration)
 
-    def linearise(self, iterate: Iterate) -> Linearised:
-        """Derivatives and condensed dynamics at `iterate`."""
-        t = self.transcription
-        derivatives = self.dynamics.first(
-            iterate.states, t.nodal_rate(iterate.bank_rate), t.times(iterate.final_time)
-        )
-        return Linearised(derivatives, condense(self.problem, t, derivatives, iterate.final_time))
+    def linearise(self, iterate: Iterate) -> CondensedDynamics:
+        """Derivatives and condensed dynamics at `iterate`.
+
+        Raises
+        ------
+        FloatingPointError
+            If they are not finite.
+        """
+        t, problem = self.transcription, self.problem
+        x, u, final_time = iterate.batch
+        function = problem.dynamics.first
+        outputs = function.one_by_one(x, t.nodal_rate(u), t.times(final_time), problem.numbers)
+        with np.errstate(all="ignore"):
+            condensed = condense(
+                t,
+                NodeDerivatives.of(function, outputs),
+                final_time,
+                rate_scale=by_case(problem.bank_rate_limit),
+                final_time_scale=problem.scaling.final_time,
+                entry_bank_is_free=problem.entry_bank_angle is None,
+            )
+        if not np.all(np.isfinite(condensed.final_map)):  # what is not a number travels to the end
+            raise FloatingPointError("condensing: the linearised dynamics are not finite")
+        return condensed
 
     def restore(self, iterate: Iterate, condensed: CondensedDynamics | None) -> Point | None:
         """Solve R = 0 for the states at fixed control; None if it does not converge.
@@ -98,10 +120,11 @@ class Flight:
         for _ in range(self.restoration.factorisations):
             if condensed is None:
                 try:
-                    condensed = self.linearise(iterate).condensed
+                    condensed = self.linearise(iterate)
                 except FloatingPointError:
                     return None
-            iterate, functions = self._chord(iterate, condensed)
+            with np.errstate(all="ignore"):  # what diverges is found by its size
+                iterate, functions = self._chord(iterate, condensed)
             if functions is not None:
                 return self._point(iterate, functions)
             if not np.all(np.isfinite(iterate.states)):
@@ -125,6 +148,8 @@ class Flight:
         overshoot = float(np.abs(t.between @ cut).max()) / problem.bank_limit
         if overshoot > 1.0 + 0.1 * KEPT:
             cut /= overshoot
+        if problem.entry_bank_angle is not None:
+            cut[0] = start
         if np.array_equal(cut, bank):
             return iterate
         states = iterate.states.copy()
@@ -136,36 +161,41 @@ class Flight:
         self, iterate: Iterate, condensed: CondensedDynamics
     ) -> tuple[Iterate, Array | None]:
         """The last iterate; (g, L) there, as of before its last, negligible change, if it converged."""
-        t, final_time = self.transcription, iterate.final_time
-        rate, times = t.nodal_rate(iterate.bank_rate), t.times(final_time)
-        x, before = iterate.states, np.inf
+        t, problem, evaluate = self.transcription, self.problem, self.problem.dynamics.values
+        x, u, final_time = iterate.batch
+        x, rate, times, before = x.copy(), t.nodal_rate(u), t.times(final_time), np.inf
+        converged = None
         for _ in range(self.restoration.corrections):
-            rates, functions = self.dynamics.values(x, rate, times)
-            entry_error = np.append(self.problem.entry - x[0, :BANK], 0.0)
-            change = condensed.correction(t.residual(x, rates, final_time), entry_error)
+            rates, functions = evaluate.one_by_one(x, rate, times, problem.numbers)
+            change = condensed.correction(t.residual(x, rates, final_time), ONE)
             size = float(np.abs(change).max())
             if not size < 2.0 * before:  # diverging, or not a number
                 break
-            x, before = x + change, size
+            x[:, :, 1:] += change.transpose(2, 0, 1)
+            before = size
             if size < self.restoration.tolerance:
-                return Iterate(x, iterate.bank_rate, final_time), functions
-        return Iterate(x, iterate.bank_rate, final_time), None
+                converged = functions[:, 0]
+                break
+        return Iterate(x[:, 0].T.copy(), iterate.bank_rate, iterate.final_time), converged
 
     def evaluate(self, iterate: Iterate) -> Point:
         """Path constraints, cost and target error."""
-        t = self.transcription
-        _, functions = self.dynamics.values(
-            iterate.states, t.nodal_rate(iterate.bank_rate), t.times(iterate.final_time)
+        t, problem = self.transcription, self.problem
+        x, u, final_time = iterate.batch
+        _, functions = problem.dynamics.values.one_by_one(
+            x, t.nodal_rate(u), t.times(final_time), problem.numbers
         )
-        return self._point(iterate, functions)
+        return self._point(iterate, functions[:, 0])
 
     def _point(self, iterate: Iterate, functions: Array) -> Point:
         t, problem = self.transcription, self.problem
-        path = functions[:, : problem.n_limits].copy()
+        path, integrands = functions[: problem.n_limits].T.copy(), functions[problem.n_limits :]
+        _, u, final_time = iterate.batch
         return Point(
             iterate=iterate,
             path=path,
-            cost=cost_of(problem.objective, t, iterate, functions[:, problem.n_limits :]),
+            smooth_cost=float(smooth_cost(problem, t, u, final_time, integrands[:, None])[0]),
+            absolute=AbsoluteTerms.of(problem, t, u[0], iterate.final_time, integrands),
             target_error=problem.target.error(iterate.states[-1]),
             excess=limit_excess(path),
         )
@@ -176,15 +206,18 @@ class Flight:
         Its bank angle is cut at this problem's limit: no step of a small trust region leads back there.
         """
         states = guess.states / np.array(self.problem.scaling.states)
+        states[0, :BANK] = self.problem.entry
+        if self.problem.entry_bank_angle is not None:
+            states[0, BANK] = self.problem.entry_bank_angle
         rate = np.clip(guess.bank_rate[1:] / self.problem.bank_rate_limit, -1.0, 1.0)
         iterate = self.within_bank_limit(Iterate(states, rate, guess.final_time))
         states = iterate.states
         try:
-            linearised = self.linearise(iterate)
+            condensed = self.linearise(iterate)
         except FloatingPointError:
             return None
-        point = self.restore(iterate, linearised.condensed)
+        point = self.restore(iterate, condensed)
         if point is None:
             return None
         moved = float(np.abs(point.iterate.states - states).max())
-        return replace(point, linearised=linearised if moved < self.restoration.near else None)
+        return replace(point, condensed=condensed if moved < self.restoration.near else None)

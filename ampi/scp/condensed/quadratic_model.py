@@ -17,12 +17,21 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ampi.physics.state import BANK, N_STATES
+from ampi.physics.state import BANK, N_CORE, N_STATES
+from ampi.scp.condensed.condensing import CondensedDynamics
 from ampi.scp.condensed.convexify import convexify_on_tangent
-from ampi.scp.condensed.cost import add_rate_curvature, integrand_multipliers, linearised_cost
-from ampi.scp.condensed.iterate import Flight, Linearised, Point
+from ampi.scp.condensed.cost import (
+    absolute_rows,
+    add_rate_curvature,
+    integrand_gradient,
+    integrand_multipliers,
+    smooth_gradient,
+)
+from ampi.scp.condensed.curvature import Curvature
+from ampi.scp.condensed.iterate import ONE, Flight, Point
 from ampi.scp.condensed.subproblem import ConvexSubproblem, Step
 from ampi.scp.problem.scaled_problem import OptimalControlProblem
+from ampi.tracing.dynamics import entries
 
 Array = NDArray[np.float64]
 
@@ -55,7 +64,7 @@ class Multipliers:
             np.zeros(len(problem.target)),
             np.zeros(point.path.shape),
             np.zeros(len(point.path)),
-            np.sign(point.cost.value) * point.cost.weight,
+            np.sign(point.absolute.value) * point.absolute.weight,
         )
 
     @classmethod
@@ -70,7 +79,7 @@ class Multipliers:
 def quadratic_subproblem(
     flight: Flight,
     point: Point,
-    linearised: Linearised,
+    condensed: CondensedDynamics,
     multipliers: Multipliers,
     *,
     met: NDArray[np.bool_] | None,
@@ -80,21 +89,21 @@ def quadratic_subproblem(
 
     `met` marks the rows of the target that hold the step; None asks for the Gauss–Newton model.
     """
-    problem, t, condensed = flight.problem, flight.transcription, linearised.condensed
-    target, iterate = problem.target, point.iterate
-    model = linearised_cost(problem.objective, t, iterate, linearised.derivatives, condensed)
-    target_map = condensed.state_map[-1, target.state]
+    problem, t, iterate = flight.problem, flight.transcription, point.iterate
+    target, absolute = problem.target, point.absolute
+    target_map = condensed.final_map[0, target.state]
+    rows = _absolute_rows(flight, point, condensed)
     reference = reference_curvature(flight, iterate.final_time)
     if met is None:
         hessian = _gauss_newton(flight, iterate.final_time, condensed.n_variables, settings)
     else:
-        kinked = np.abs(multipliers.absolute) < settings.kink * point.cost.weight
-        held = np.concatenate([target_map[met], model.absolute_rows[kinked]])
-        hessian = _lagrangian_hessian(flight, point, linearised, multipliers)
+        kinked = np.abs(multipliers.absolute) < settings.kink * absolute.weight
+        held = np.concatenate([target_map[met], rows[kinked]])
+        hessian = lagrangian_hessian(flight, point, condensed, multipliers)
         hessian = convexify_on_tangent(hessian, held, settings.floor * float(reference.mean()))
 
     node, kind = np.nonzero(point.path > settings.screening)
-    path_rows = _path_rows(flight, linearised, node, kind)
+    path_rows = condensed.rows(0, node, _limit_gradients(condensed, problem.n_limits)[kind, node])
     n_u, n_z = len(iterate.bank_rate), condensed.n_variables
     bank, limit = iterate.states[:, BANK], problem.bank_limit
     # the polynomial overshoots its nodes where it comes to the limit
@@ -105,18 +114,19 @@ def quadratic_subproblem(
     rate_rows[1:, :n_u] = np.eye(n_u)
     return ConvexSubproblem(
         hessian=hessian,
-        gradient=model.gradient,
-        absolute_rows=model.absolute_rows,
-        absolute_value=point.cost.value,
-        absolute_weight=point.cost.weight,
+        gradient=_gradient(flight, point, condensed),
+        absolute_rows=rows,
+        absolute_value=absolute.value,
+        absolute_weight=absolute.weight,
         target=target,
         target_map=target_map,
         target_error=point.target_error,
         target_price=np.zeros(len(target)),
         rate_rows=rate_rows,
-        rate=t.nodal_rate(iterate.bank_rate),
+        rate=t.nodal_rate(iterate.bank_rate[None])[0],
+        entry_rate=problem.entry_rate,
         bank_map=bank_map,
-        bank_rows=bank_map @ condensed.state_map[:, BANK],
+        bank_rows=bank_map @ condensed.moving[0, :, N_CORE],
         # an iterate is within the limit at the nodes; between them it may be beyond by what the second
         # order of a step has left, and must not go on
         bank_lower=np.minimum(-limit - bank_map @ bank, 0.0),
@@ -162,42 +172,63 @@ def _gauss_newton(
     return np.diag(diagonal)
 
 
-def _path_rows(
-    flight: Flight, linearised: Linearised, node: NDArray[np.intp], kind: NDArray[np.intp]
-) -> Array:
-    """Rows of g over z (m, n_z), each of one limit at one node."""
-    condensed = linearised.condensed
-    along = linearised.derivatives.path_jacobian[node, kind]
-    rows = np.einsum("mi,mij->mj", along[:, :N_STATES], condensed.state_map[node])
-    by_time = along[:, N_STATES] * flight.transcription.node_free[node]
-    rows[:, -2] += by_time * condensed.final_time_scale
-    return np.asarray(rows)
+def _limit_gradients(condensed: CondensedDynamics, n_limits: int) -> Array:
+    """∂g/∂(x, t) of every limit at every node, (m, n, 8)."""
+    return np.stack([condensed.derivatives.gradient_of(k)[0] for k in range(n_limits)])
 
 
-def _lagrangian_hessian(
-    flight: Flight, point: Point, linearised: Linearised, multipliers: Multipliers
+def _gradient(flight: Flight, point: Point, condensed: CondensedDynamics) -> Array:
+    """Of the smooth cost over z, (n_z,)."""
+    problem, derivatives = flight.problem, condensed.derivatives
+    _, u, final_time = point.iterate.batch
+    gradient = smooth_gradient(problem, flight.transcription, u, final_time)
+    if problem.functions.n_smooth:
+        assert derivatives.functions is not None
+        values = derivatives.functions[problem.n_limits, :, 1:]
+        jacobian = derivatives.gradient_of(problem.n_limits)[:, 1:]
+        gradient += integrand_gradient(condensed, values, jacobian, condensed.half, ONE)
+    return np.asarray(gradient[0])
+
+
+def _absolute_rows(flight: Flight, point: Point, condensed: CondensedDynamics) -> Array:
+    """Of what stands inside |·|, (k, n_z)."""
+    problem, derivatives = flight.problem, condensed.derivatives
+    assert derivatives.functions is not None
+    descent, jacobian = np.zeros(0), np.zeros((0, N_STATES + 1))
+    if problem.functions.n_absolute:
+        last = len(derivatives.functions) - 1
+        descent, jacobian = derivatives.functions[last, 0], derivatives.gradient_of(last)[0]
+    return absolute_rows(problem, condensed, point.iterate.bank_rate, descent, jacobian)
+
+
+def lagrangian_hessian(
+    flight: Flight, point: Point, condensed: CondensedDynamics, multipliers: Multipliers
 ) -> Array:
-    """Condensing, Eq. (4), with the cost's own terms."""
-    t, derivatives = flight.transcription, linearised.derivatives
-    x, u, final_time = point.iterate.states, point.iterate.bank_rate, point.iterate.final_time
-    objective, condensed = flight.problem.objective, linearised.condensed
-    count = derivatives.integrand.shape[1]
-    omega = integrand_multipliers(objective, t, final_time, multipliers.absolute, count)
-    jacobian = derivatives.path_jacobian[:, :, :N_STATES]
-    node_gradient = np.einsum("ik,ikj->ij", multipliers.limits, jacobian)
-    if count:
-        jacobian = derivatives.integrand_jacobian[:, :, :N_STATES]
-        node_gradient += np.einsum("ik,ikj->ij", omega, jacobian)
-    node_gradient[:, BANK] += multipliers.bank
-    node_gradient[-1, flight.problem.target.state] += multipliers.target
-    mu = condensed.multipliers(node_gradient)
-    half = t.half_lengths(final_time)
-    weighted = np.zeros((len(x), N_STATES))
-    weighted[1:] = -half[:, None] * mu
-    curvature = flight.dynamics.hessian(
-        x, t.nodal_rate(u), t.times(final_time), weighted, np.hstack([multipliers.limits, omega])
+    """Curvature, Eq. (1), with the cost's own terms, (n_z, n_z)."""
+    problem, t, derivatives = flight.problem, flight.transcription, condensed.derivatives
+    x, u, final_time = point.iterate.batch
+    kappa, m = multipliers.absolute[None], problem.n_limits
+    omega = integrand_multipliers(problem, t, final_time, kappa)
+    weights = np.concatenate([multipliers.limits.T[:, None, 1:], omega])  # of g and L
+    over_xt = np.stack([derivatives.gradient_of(k) for k in range(len(weights))])[:, :, 1:]
+    weighted = np.einsum("kci,kcij->cij", weights, over_xt)
+    gradient = weighted[:, :, :N_STATES].copy()
+    gradient[0, :, BANK] += multipliers.bank[1:]
+    gradient[0, -1, problem.target.state] += multipliers.target
+    mu = condensed.multipliers(gradient, ONE)
+    function = problem.dynamics.second
+    (found,) = function.one_by_one(
+        x[:, :, 1:],
+        u,
+        t.times(final_time)[:, 1:],
+        problem.numbers,
+        -condensed.half * mu,
+        weights,
     )
-    hessian = condensed.reduced_hessian(curvature, mu, omega, half)
-    scale = condensed.final_time_scale
-    add_rate_curvature(hessian, objective, t, point.iterate, multipliers.absolute, scale)
-    return hessian
+    running = np.einsum("kci,kcij->cij", omega, over_xt[m:]) if len(omega) else None
+    curvature = Curvature.of(condensed, entries(function.nonzeros[0], found), mu, running)
+    hessian = curvature.reduced()
+    add_rate_curvature(hessian, problem, t, u, final_time, kappa)
+    if problem.entry_bank_angle is not None:
+        hessian[:, -1, -1] += 1.0  # δσ₀ moves nothing: so it is zero
+    return np.asarray(hessian[0])

@@ -52,6 +52,7 @@ class ConvexSubproblem:
     target_price: Array  # ν (t,)
     rate_rows: Array  # (n, n_z): δû at every node
     rate: Array  # û (n,)
+    entry_rate: float | None  # û at the first node, if it is given
     bank_map: Array  # (b, n): from the nodes to where the bank angle is bounded, the nodes first
     bank_rows: Array  # Z_σ (b, n_z), rad
     bank_lower: Array  # (b,)
@@ -64,6 +65,14 @@ class ConvexSubproblem:
     path_node: NDArray[np.intp]  # (m,), at which node
     n_limits: int
     limit_penalty: float  # ρ
+
+    @property
+    def rate_bounds(self) -> tuple[Array, Array]:
+        """Of δû at the nodes, (n,) each."""
+        lower, upper = -1.0 - self.rate, 1.0 - self.rate
+        if self.entry_rate is not None:
+            lower[0] = upper[0] = self.entry_rate - self.rate[0]
+        return lower, upper
 
     def corrected(
         self, z: Array, target_error: Array, path: Array, absolute_value: Array
@@ -102,6 +111,7 @@ def _on_z(problem: ConvexSubproblem) -> tuple[Array, Array]:
     """Rows on z of the inequalities, and their bounds: rate, bank, δt_f, limits, absolute values."""
     final_time = np.zeros((2, len(problem.gradient)))
     final_time[:, problem.final_time_column] = 1.0, -1.0
+    lower, upper = problem.rate_bounds
     rows = [
         problem.rate_rows,
         -problem.rate_rows,
@@ -113,8 +123,8 @@ def _on_z(problem: ConvexSubproblem) -> tuple[Array, Array]:
         -problem.absolute_rows,
     ]
     bounds = [
-        1.0 - problem.rate,
-        1.0 + problem.rate,
+        upper,
+        -lower,
         problem.bank_upper,
         -problem.bank_lower,
         np.full(2, problem.radius),

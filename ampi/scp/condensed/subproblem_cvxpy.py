@@ -67,15 +67,16 @@ def solve_subproblem_cvxpy(
     excess = problem.limit_penalty * cp.sum(s)
 
     # cvxpy overloads numpy's operators; type checkers see arrays where it builds expressions.
-    rate: Any = problem.rate + problem.rate_rows @ z
+    rate_change: Any = problem.rate_rows @ z
+    rate_lower, rate_upper = problem.rate_bounds
     bank_change: Any = problem.bank_rows @ z
     target: Any = problem.target_map @ z + problem.target_error == e + v_plus - v_minus
     bank_lower = bank_change >= problem.bank_lower
     bank_upper = bank_change <= problem.bank_upper
     constraints: list[cp.Constraint] = [
         target,
-        rate <= 1.0,
-        rate >= -1.0,
+        rate_change <= rate_upper,
+        rate_change >= rate_lower,
         bank_lower,
         bank_upper,
         cp.abs(z[problem.final_time_column]) <= problem.radius,

@@ -5,14 +5,15 @@ On segment s with collocation rows i and nodal rows j (Garg et al. 2011),
     R_s = Σ_j D̄_ij x_j − h_s f(x_i, u_i, t_i) = 0,   h_s = α_s + β_s t_f,       (1)
     ∫ L dt = Σ_s h_s Σ_i w_i L_i.                                                (2)
 
-Arrays are node-major: x (n, 7), one row per node. Collocation quantities have n − 1 rows: node 0 is
-not collocated, and every other node is collocated in exactly one segment.
+Collocation quantities have n − 1 points: node 0 is not collocated, and every other node is collocated in
+exactly one segment. Arrays have an axis of cases (condensing).
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,29 +35,31 @@ class RadauTranscription:
     half_fixed: Array  # (n−1,), α per collocation point
     half_free: Array  # (n−1,), β
     weights: Array  # (n−1,), quadrature
-    core_derivative: tuple[Array, ...]  # per segment, D ⊗ I₅ without its first node, by columns
+    core_derivative: tuple[Array, ...]  # per segment, D ⊗ I₅ without its first node
     integration: Array  # (n−1, n−1): ∫ from the entry to every collocation point, over h dτ
     entry_rate: Array  # (N₁,): bank rate at τ = −1 from the first segment's collocation values
     between: Array  # (k, n): from nodal values to those at points between, five to a gap
 
-    def half_lengths(self, final_time: float) -> Array:
-        """h at every collocation point (s)."""
-        return self.half_fixed + self.half_free * final_time
+    def half_lengths(self, final_time: Any) -> Array:
+        """h at every collocation point (s), (…, n − 1) of `final_time` (…)."""
+        return np.asarray(self.half_fixed + self.half_free * np.asarray(final_time)[..., None])
 
-    def times(self, final_time: float) -> Array:
-        """t at every node (s)."""
-        return self.node_fixed + self.node_free * final_time
+    def times(self, final_time: Any) -> Array:
+        """t at every node (s), (…, n) of `final_time` (…)."""
+        return np.asarray(self.node_fixed + self.node_free * np.asarray(final_time)[..., None])
 
-    def residual(self, x: Array, rates: Array, final_time: float) -> Array:
-        """R of Eq. (1), (n − 1, 7); `rates` is f at all n nodes."""
-        out = -self.half_lengths(final_time)[:, None] * rates[1:]
+    def residual(self, x: Array, rates: Array, final_time: Array) -> Array:
+        """R of Eq. (1), (c, n − 1, 7), of states and f (7, c, n) at all nodes."""
+        found = -(self.half_lengths(final_time) * rates[:, :, 1:]).transpose(1, 2, 0)
+        states = x.transpose(1, 2, 0)
         for s in self.mesh.segments:
-            out[s.collocation] += s.rule.derivative @ x[s.nodes]
-        return out
+            found[:, s.collocation] += s.rule.derivative @ states[:, s.nodes]
+        return found
 
     def nodal_rate(self, u: Array) -> Array:
-        """Bank rate at all n nodes; the first by the first segment's own polynomial."""
-        return np.concatenate([[self.entry_rate @ u[: len(self.entry_rate)]], u])
+        """Bank rate at all n nodes (c, n); the first by the first segment's own polynomial."""
+        entry = u[:, None, : len(self.entry_rate)] @ self.entry_rate[:, None]
+        return np.concatenate([entry[:, 0], u], axis=1)
 
 
 @lru_cache(maxsize=16)
@@ -75,7 +78,8 @@ def radau_transcription(mesh: Mesh) -> RadauTranscription:
         half_free=np.repeat([s.half_length[1] for s in segments], count),
         weights=np.concatenate([s.rule.weights for s in segments]),
         core_derivative=tuple(
-            np.asfortranarray(np.kron(s.rule.derivative[:, 1:], np.eye(N_CORE))) for s in segments
+            np.asarray(np.kron(s.rule.derivative[:, 1:], np.eye(N_CORE)), dtype=float)
+            for s in segments
         ),
         integration=_integration(mesh),
         entry_rate=interpolation_matrix(inner, barycentric_weights(inner), [-1.0])[0],

@@ -51,8 +51,7 @@ def verdict(
     error = np.zeros(N_STATES)
     error[problem.target.state] = problem.target.error(final)
     there = final - error
-    radius = problem.model.planet.equatorial_radius
-    miss = great_circle_distance(final[1], final[2], there[1], there[2], radius)
+    miss = great_circle_distance(final[1], final[2], there[1], there[2], problem.planet_radius)
     near = np.all(np.abs(error[[0, 3]]) <= problem.target_tolerance)
     if bought_off or not (near and miss <= settings.horizontal_miss):
         return Status.TARGET_MISSED

@@ -16,58 +16,53 @@ from typing import Any
 
 import numpy as np
 
-from ampi.missions.mission import Mission
 from ampi.physics.planet import great_circle_distance
+from ampi.scp.problem.problem_numbers import ProblemNumbers
 
 DEGREE = float(np.pi / 180.0)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Objective:
-    """Scaled weights of Eq. (1); those of L are inside it."""
+    """Scaled weights of Eq. (1), numbers or arrays over cases; those of L are inside it."""
 
-    cost_scale: float  # J = cost_scale · scaled cost
-    reference_effort: float  # weight of ∫ û² dt that is worth the whole objective
-    effort: float  # w_u
-    final_time: float  # w_t, per s
-    variation: float  # w_a
-    descent: float  # w_D, per m
-
-    def n_smooth(self, integrand: Any) -> int:
-        """How many columns of the integrands (n, k) are of L: none or one."""
-        return int(integrand.shape[1]) - int(self.descent > 0.0)
+    cost_scale: Any  # J = cost_scale · scaled cost
+    reference_effort: Any  # weight of ∫ û² dt that is worth the whole objective
+    effort: Any  # w_u
+    final_time: Any  # w_t, per s
+    variation: Any  # w_a
+    descent: Any  # w_D, per m
 
     @classmethod
-    def from_mission(cls, mission: Mission) -> Objective:
+    def of(cls, numbers: ProblemNumbers) -> Objective:
         """Divide the mission's weights by the scale described above."""
-        given, rate = mission.objective, mission.limits.designed("bank_rate") / DEGREE
-        scale = _exchange_rate(mission)
+        given, rate = numbers.section("objective"), numbers.designed("bank_rate") / DEGREE
+        scale = _exchange_rate(numbers)
         return cls(
             cost_scale=scale,
             reference_effort=rate**2,
-            effort=given.bank_rate_effort / scale * rate**2,
-            final_time=given.flight_time / scale,
-            variation=given.bank_rate_variation / scale * rate,
-            descent=given.descent_rate / scale,
+            effort=given("bank_rate_effort") / scale * rate**2,
+            final_time=given("flight_time") / scale,
+            variation=given("bank_rate_variation") / scale * rate,
+            descent=given("descent_rate") / scale,
         )
 
 
-def _exchange_rate(mission: Mission) -> float:
-    given, entry, target = mission.objective, mission.entry, mission.target
-    radius = mission.flight_model.planet.equatorial_radius
-    distance = float(
-        great_circle_distance(
-            entry.longitude, entry.latitude, target.longitude, target.latitude, radius
-        )
-    )
-    duration = max(distance, entry.altitude) / (0.5 * (entry.speed + target.speed))
-    sweep = 2.0 * mission.limits.bank_angle / DEGREE
+def _exchange_rate(numbers: ProblemNumbers) -> Any:
+    given, entry, target = (numbers.section(name) for name in ("objective", "entry", "target"))
+    limits = numbers.section("limits")
+    radius = numbers.model.planet.equatorial_radius
+    there = (target("longitude"), target("latitude"))
+    distance = great_circle_distance(entry("longitude"), entry("latitude"), *there, radius)
+    mean_speed = 0.5 * (entry("speed") + target("speed"))
+    duration = np.maximum(distance, entry("altitude")) / mean_speed
+    sweep = 2.0 * limits("bank_angle") / DEGREE
     effort = sweep**2 / duration
     others = (
-        given.bank_rate_variation * sweep
-        + abs(given.flight_time) * duration
-        + given.heat_load * 0.5e-6 * mission.limits.heat_flux * duration
-        + abs(given.ground_range) * 1e-3 * distance
-        + given.descent_rate * abs(entry.altitude - target.altitude)
+        given("bank_rate_variation") * sweep
+        + np.abs(given("flight_time")) * duration
+        + given("heat_load") * 0.5e-6 * limits("heat_flux") * duration
+        + np.abs(given("ground_range")) * 1e-3 * distance
+        + given("descent_rate") * np.abs(entry("altitude") - target("altitude"))
     )
-    return given.bank_rate_effort + others / effort
+    return given("bank_rate_effort") + others / effort

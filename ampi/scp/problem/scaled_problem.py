@@ -1,32 +1,46 @@
 """The optimal control problem in scaled variables.
 
     minimise   Σ_i w_i e_i² + J(u, x, t_f)
-    subject to ẋ = f(x, u, t),  x(0) = x₀ but for the free bank angle σ₀,
+    subject to ẋ = f(x, u, t),  x(t_0) = x₀; the bank angle σ₀ and its rate there are free, or given,
                e = x(t_f) − x_target,  e_lo ≤ e ≤ e_hi,
                |σ| ≤ σ_max,  |u| ≤ u_max,  g(x, t) ≤ 1                          (1)
 
 with J of `objective` and g of `node_functions`. A final state is free (no row), weighted (Sagliano et
 al. 2016, Eq. (1): w > 0, no bounds), met exactly (e_lo = e_hi = 0) or kept in a range. `Scaling` is the
 one place where SI becomes dimensionless; time stays in seconds.
+
+The problem of a family has arrays over its cases, (c, …), where that of one mission has numbers.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
+from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ampi.missions.family import MissionFamily
+from ampi.missions.final_states import held_states
 from ampi.missions.mission import Mission
 from ampi.missions.sections import TARGET_WEIGHTS
 from ampi.physics.angles import on_turn_of
-from ampi.physics.equations_of_motion import FlightModel
-from ampi.physics.state import CIRCULAR_STATES, ENTRY_STATES
+from ampi.physics.state import ALTITUDE, CIRCULAR_STATES, LATITUDE, LONGITUDE, SPEED, STATES
 from ampi.pseudospectral.mesh import Mesh
 from ampi.scp.problem.objective import Objective
+from ampi.scp.problem.problem_numbers import ProblemNumbers
+from ampi.tracing.dynamics import NodeDynamics, Physics, node_dynamics
 from ampi.tracing.node_functions import NodeFunctions
+from ampi.tracing.numbers import Numbers, at_cases
 
 Array = NDArray[np.float64]
+Cases = NDArray[np.intp]
+
+
+def by_case(value: Any) -> Array:
+    """A number, or an array over cases (c,), as a column that broadcasts over the points of each."""
+    return np.reshape(np.asarray(value, dtype=float), (-1, 1))
 
 
 @dataclass(frozen=True)
@@ -39,7 +53,7 @@ class Scaling:
 
 @dataclass(frozen=True, eq=False)
 class Target:
-    """The rows of e in Eq. (1), scaled: m of them."""
+    """The rows of e in Eq. (1), scaled: m of them; of a family the arrays of numbers are (c, m)."""
 
     state: NDArray[np.intp]  # (m,), which final state
     reference: Array  # (m,)
@@ -50,95 +64,180 @@ class Target:
     def __len__(self) -> int:
         return len(self.state)
 
+    @cached_property
+    def ranged(self) -> NDArray[np.intp]:
+        """Rows that are kept in a range."""
+        inside = (self.weight == 0.0) & (self.lower < self.upper)
+        return np.flatnonzero(np.atleast_2d(inside).any(axis=0))
+
+    @cached_property
+    def held(self) -> NDArray[np.intp]:
+        """All others: weighted, or met exactly."""
+        return np.setdiff1d(np.arange(len(self)), self.ranged)
+
     def error(self, final_state: Array) -> Array:
-        """e (m,) of a scaled final state (7,): of an angle, the short way round."""
-        error = np.asarray(final_state[self.state] - self.reference)
-        circular = np.isin(self.state, CIRCULAR_STATES)
-        error[circular] = on_turn_of(error[circular], 0.0)
+        """e (…, m) of scaled final states (…, 7): of an angle, the short way round."""
+        error = np.asarray(final_state[..., self.state] - self.reference)
+        for row in self._circular:
+            error[..., row] = on_turn_of(error[..., row], 0.0)
         return error
 
-    def quadratic(self, error: Array) -> float:
-        """Σ w e²."""
-        return float(self.weight @ error**2)
+    @cached_property
+    def _circular(self) -> list[int]:
+        return [row for row, state in enumerate(self.state.tolist()) if state in CIRCULAR_STATES]
+
+    def quadratic(self, error: Array) -> Any:
+        """Σ w e², (…)."""
+        return (self.weight * error**2).sum(axis=-1)
 
     @classmethod
-    def from_mission(cls, mission: Mission, scale: Array, cost_scale: float) -> Target:
-        """Altitude and speed, the position unless it is free, the final angles if given."""
-        target, objective = mission.target, mission.objective
-        weights = [getattr(objective, name) for name in TARGET_WEIGHTS]
-        rows: list[tuple[int, float, float, float, float]] = []
-        for i, (name, weight) in enumerate(zip(ENTRY_STATES[:4], weights, strict=True)):
-            if weight == 0.0 or (target.position == "free" and i in (1, 2)):
-                continue
-            bound = 0.0 if weight is None else np.inf
-            rows.append((i, getattr(target, name), weight or 0.0, -bound, bound))
-        for i, span in ((4, target.flight_path_angle), (5, target.azimuth)):
-            if span is not None:
-                middle, half = 0.5 * (span[0] + span[1]), 0.5 * (span[1] - span[0])
-                rows.append((i, middle, 0.0, -half, half))
+    def of(cls, numbers: ProblemNumbers, scale: Array, cost_scale: Any) -> Target:
+        """The states that the mission holds, weighted, met exactly or in their ranges."""
+        target, objective = numbers.section("target"), numbers.section("objective")
+        weights = dict(zip((ALTITUDE, LONGITUDE, LATITUDE, SPEED), TARGET_WEIGHTS, strict=True))
+        rows: list[tuple[int, Any, Any, Any]] = []  # state, middle, weight, half width
+        for held in held_states(numbers.mission):
+            span, weight = target(STATES[held]), None
+            if held in weights:
+                weight = objective(weights[held])
+            low, high = span if isinstance(span, tuple) else (span, span)
+            rows.append((held, 0.5 * (low + high), weight, 0.5 * (high - low)))
         state = np.array([row[0] for row in rows], dtype=np.intp)
-        reference, weight, lower, upper = np.array([row[1:] for row in rows]).T
+        bound = [np.inf if weight is not None else half for _, _, weight, half in rows]
+        weight = [0.0 if weight is None else weight for _, _, weight, _ in rows]
         unit = scale[state]
+        upper = _columns(bound) / unit
         return cls(
             state=state,
-            reference=reference / unit,
-            weight=weight * unit**2 / cost_scale,
-            lower=lower / unit,
-            upper=upper / unit,
+            reference=_columns([row[1] for row in rows]) / unit,
+            weight=_columns(weight) * unit**2 / _beside(cost_scale),
+            lower=-upper,
+            upper=upper,
         )
+
+
+def _taken(value: Any, cases: Cases | int, axes: int) -> Any:
+    """Some cases of an array that has an axis of them, and so many axes."""
+    return value[cases] if isinstance(value, np.ndarray) and value.ndim == axes else value
+
+
+def _columns(values: list[Any]) -> Array:
+    """(m,), or (c, m) where one of them is an array over cases."""
+    return np.stack(np.broadcast_arrays(*values), axis=-1) if values else np.zeros(0)
+
+
+def _beside(value: Any) -> Any:
+    """An array over cases as a column, for arrays with an axis of rows."""
+    return value[:, None] if isinstance(value, np.ndarray) and value.ndim else value
 
 
 @dataclass(frozen=True, eq=False)
 class OptimalControlProblem:
-    """Eq. (1) for one entry state. Arrays are in scaled units."""
+    """Eq. (1) for one mission, or for c of one structure. Arrays are in scaled units."""
 
-    model: FlightModel
+    planet_radius: Any  # m
     mesh: Mesh
     scaling: Scaling
     entry: Array  # (6,)
+    entry_bank_angle: Any  # σ₀ (rad); None where it is free
+    entry_bank_rate: Any  # rad/s; None where it is free
     target: Target
     objective: Objective
     functions: NodeFunctions
     target_tolerance: Array  # (2,): altitude, speed
-    bank_limit: float  # rad, less its margin
-    bank_rate_limit: float  # rad/s, less its margin
+    bank_limit: Any  # rad, less its margin
+    bank_rate_limit: Any  # rad/s, less its margin
+    dynamics: NodeDynamics  # the traced functions, shared by all problems of this structure
+    numbers: Numbers  # what goes into them
 
     @classmethod
-    def from_mission(
-        cls, mission: Mission, scaling: Scaling | None = None
+    def of(
+        cls, source: Mission | MissionFamily, scaling: Scaling | None = None
     ) -> OptimalControlProblem:
-        """Scale a mission's problem."""
+        """Scale the problem of a mission or a family."""
         scaling = scaling or Scaling()
         scale = np.array(scaling.states)
-        target, limits = mission.target, mission.limits
-        objective = Objective.from_mission(mission)
+        numbers = ProblemNumbers.of(source)
+        objective = Objective.of(numbers)
+        given, target = numbers.section("objective"), numbers.section("target")
+        limits, rate = numbers.limits, numbers.designed("bank_rate")
+        tolerances = [target("altitude_tolerance") / scale[0], target("speed_tolerance") / scale[3]]
+        entry = source.entry_state if isinstance(source, Mission) else source.entry_states
+        functions = NodeFunctions(
+            limits=limits,
+            shares=tuple(numbers.share(name) for name in limits.on_the_path),
+            heat_load=given("heat_load") * 1e-6 / objective.cost_scale,
+            ground_range=given("ground_range") * 1e-3 / objective.cost_scale,
+            desired_altitude_rate=given("desired_altitude_rate"),
+        )
+        physics = Physics.of(numbers.model, functions, rate)
         return cls(
-            model=mission.flight_model,
-            mesh=mission.pseudospectral_mesh,
+            planet_radius=numbers.model.planet.equatorial_radius,
+            mesh=numbers.mission.pseudospectral_mesh,
             scaling=scaling,
-            entry=mission.entry_state / scale[:6],
-            target=Target.from_mission(mission, scale, objective.cost_scale),
+            entry=entry / scale[:6],
+            entry_bank_angle=numbers.section("entry")("bank_angle"),
+            entry_bank_rate=numbers.section("entry")("bank_rate"),
+            target=Target.of(numbers, scale, objective.cost_scale),
             objective=objective,
-            functions=NodeFunctions.from_mission(mission, objective.cost_scale),
-            target_tolerance=np.array(
-                [target.altitude_tolerance / scale[0], target.speed_tolerance / scale[3]]
+            functions=functions,
+            target_tolerance=_columns(tolerances),
+            bank_limit=numbers.designed("bank_angle"),
+            bank_rate_limit=rate,
+            dynamics=node_dynamics(physics.structure, scaling.states),
+            numbers=physics.numbers,
+        )
+
+    def at(self, cases: Cases | int) -> OptimalControlProblem:
+        """The problem of some cases of a family, or of one, which has no axis of them.
+
+        `functions` stay those of all.
+        """
+        everyone = isinstance(cases, np.ndarray) and len(cases) == len(self.entry)
+        if self.entry.ndim == 1 or everyone:
+            return self
+        target, objective = self.target, self.objective
+        rows = ("reference", "weight", "lower", "upper")
+        return replace(
+            self,
+            planet_radius=_taken(self.planet_radius, cases, axes=1),
+            entry=_taken(self.entry, cases, axes=2),
+            entry_bank_angle=_taken(self.entry_bank_angle, cases, axes=1),
+            entry_bank_rate=_taken(self.entry_bank_rate, cases, axes=1),
+            target=replace(
+                target, **{name: _taken(getattr(target, name), cases, axes=2) for name in rows}
             ),
-            bank_limit=limits.designed("bank_angle"),
-            bank_rate_limit=limits.designed("bank_rate"),
+            objective=Objective(
+                *(_taken(getattr(objective, f.name), cases, axes=1) for f in fields(objective))
+            ),
+            target_tolerance=_taken(self.target_tolerance, cases, axes=2),
+            bank_limit=_taken(self.bank_limit, cases, axes=1),
+            bank_rate_limit=_taken(self.bank_rate_limit, cases, axes=1),
+            numbers=at_cases(self.numbers, cases),
         )
 
     @property
+    def entry_rate(self) -> Any:
+        """û at the first node, None where it is free."""
+        return None if self.entry_bank_rate is None else self.entry_bank_rate / self.bank_rate_limit
+
+    @cached_property
     def n_limits(self) -> int:
         """How many path limits there are."""
         return len(self.functions.names)
 
-    @property
+    @cached_property
+    def n_functions(self) -> int:
+        """How many limits and integrands."""
+        return self.n_limits + self.functions.n_smooth + self.functions.n_absolute
+
+    @cached_property
     def multiplier_scale(self) -> Array:
         """Scaled multipliers of the target over those in SI (m,)."""
         units = np.array(self.scaling.states)[self.target.state]
-        return np.asarray(units / self.objective.cost_scale)
+        return np.asarray(units / _beside(self.objective.cost_scale))
 
     def reference_cost(self, final_time: float) -> float:
         """Effort of one linear sweep from −σ_max to σ_max over the flight, at its reference weight."""
         rate = 2.0 * self.bank_limit / (self.bank_rate_limit * final_time)
-        return self.objective.reference_effort * rate**2 * final_time
+        return float(self.objective.reference_effort * rate**2 * final_time)

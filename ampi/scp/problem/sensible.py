@@ -22,7 +22,9 @@ def require_sensible(name: str, settings: Any) -> None:
         whole = field.type in ("int", int)
         if is_dataclass(value):
             require_sensible(where, value)
-        elif field.type in ("int", int, "float", float):
+        elif value is None and field.default is None:
+            continue
+        elif field.type in ("int", int, "float", float, "float | None"):
             least = 0 if field.name in MAY_BE_ZERO else None
             is_number = isinstance(value, int if whole else int | float)
             if isinstance(value, bool) or not is_number or not isfinite(value):

@@ -1,0 +1,89 @@
+"""One segment of a mesh, flown on steps that adapt: what mesh refinement looks at."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ampi.physics.equations_of_motion import FlightModel, equations_of_motion
+from ampi.physics.state import BANK, FLIGHT_PATH_ANGLE, N_STATES
+from ampi.propagation.adaptive_step import Accuracy, IntegrationError, Stop, integrate
+from ampi.propagation.flight_program import GROUND, STEEPEST
+from ampi.pseudospectral.lagrange import interpolation_matrix
+from ampi.pseudospectral.mesh import Segment
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class SegmentFlight:
+    """A segment of a mesh flown by c cases; k points."""
+
+    times: Array  # (c, k), s
+    states: Array  # (c, 7, k)
+    bank_rate: Array  # (c, k), of the bank-angle polynomials, rad/s
+    at_nodes: NDArray[np.intp]  # which points are the segment's nodes
+
+
+def fly_segment(
+    model: FlightModel,
+    segment: Segment,
+    bank: Array,
+    state: Array,
+    final_time: Array,
+    spacing: float,
+    accuracy: Accuracy,
+) -> SegmentFlight:
+    """Fly one segment from `state` (c, 6) under the polynomials through `bank` (c, nodes).
+
+    Its points are the nodes, and others at most `spacing` (s) apart.
+
+    Raises
+    ------
+    IntegrationError
+        If one case reaches the ground or a vertical path, or no step is small enough.
+    """
+    rule, cases = segment.rule, len(state)
+    start = segment.start[0] + segment.start[1] * final_time
+    half = segment.half_length[0] + segment.half_length[1] * final_time
+    fine = np.linspace(-1.0, 1.0, int(np.ceil(2.0 * half.max() / spacing)) + 1)
+    tau = np.union1d(fine, rule.nodes)
+    x = np.empty((N_STATES, cases))
+
+    def rates(at: float, flat: Array) -> Array:
+        x[:BANK] = flat.reshape(BANK, cases)
+        x[BANK] = bank @ interpolation_matrix(rule.nodes, rule.barycentric, [at])[0]
+        dx = equations_of_motion(model, x, 0.0, start + half * (1.0 + at))
+        found = np.empty((BANK, cases))
+        for row, rate in zip(found, dx[:BANK], strict=True):
+            np.multiply(half, rate, out=row)
+        return found.ravel()
+
+    def steepest(at: float, flat: Array) -> float:
+        path_angle = flat[FLIGHT_PATH_ANGLE * cases : (FLIGHT_PATH_ANGLE + 1) * cases]
+        return float(np.abs(path_angle).max()) - STEEPEST
+
+    ground = Stop(lambda at, flat: float(flat[:cases].min()) - GROUND, direction=-1.0)
+    upright = Stop(steepest, direction=1.0)
+    flight = integrate(
+        rates,
+        (-1.0, 1.0),
+        state.T.ravel(),
+        accuracy,
+        points=tau,
+        stops=[ground, upright],
+        cases=cases,
+    )
+    if flight.stop is not None:
+        where = "under the ground" if flight.stop is ground else "on a vertical path"
+        raise IntegrationError(f"the flight ends {where}")
+    flown = flight.points.reshape(BANK, cases, len(tau)).transpose(1, 0, 2)
+    along = bank @ interpolation_matrix(rule.nodes, rule.barycentric, tau).T
+    return SegmentFlight(
+        times=start[:, None] + half[:, None] * (1.0 + tau),
+        states=np.concatenate([flown, along[:, None, :]], axis=1),
+        bank_rate=bank @ rule.derivative_at(tau).T / half[:, None],
+        at_nodes=np.searchsorted(tau, rule.nodes),
+    )

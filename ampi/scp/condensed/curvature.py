@@ -1,0 +1,127 @@
+"""The Hessian of the Lagrangian L = J + Σ μᵀR + Σ νᵀg, reduced to z, for c cases at once.
+
+    H = Zᵀ ∇²L Z = Σ_i J_iᵀ W_i J_i + r eᵀ + e rᵀ + terms in û,                  (1)
+
+J_i = [Z_i; b_i eᵀ] the map of z to (x, t) at node i, e the unit vector of δt_f, W_i the Hessian of
+−h μᵀf + νᵀg + ωᵀL over (x, t), L the integrands of the cost with multipliers ω, and r the coupling of
+t_f through h(t_f): r = Σ (β/h) [−h μᵀ(A δx + B δu + b f_t δt_f) + ωᵀ(L_x δx + b L_t δt_f)]. The terms in
+û are those of the cost (cost). The first node has no part in it: its state is given, but for the bank
+angle, which no limit and no integrand knows.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ampi.physics.state import BANK, LONGITUDE, N_STATES
+from ampi.scp.condensed.condensing import MOVING, Cases, CondensedDynamics
+from ampi.tracing.dynamics import TIME, Entries
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Curvature:
+    """∇²L without the terms in û; t_f is the scaled one.
+
+    `states` are those that it knows: the moving ones, and the longitude where there are no-fly zones.
+    """
+
+    condensed: CondensedDynamics
+    states: tuple[int, ...]
+    over_states: Array  # at every point after the first node, (c, n − 1, s, s)
+    states_time: Array  # ∂²/∂x∂t_f, (c, n − 1, s)
+    control_time: Array  # ∂²/∂u∂t_f, (c, n − 1)
+    over_time: Array  # ½ ∂²/∂t_f², (c,)
+
+    @classmethod
+    def of(
+        cls,
+        condensed: CondensedDynamics,
+        second: Entries,
+        mu: Array,
+        running: Array | None = None,
+    ) -> Curvature:
+        """From W (`second`, over (x, t) at the points) and μ (7, c, n − 1).
+
+        `running` (c, n − 1, 8) is ωᵀ∂L/∂(x, t), if there are integrands.
+        """
+        t, scale = condensed.transcription, condensed.final_time_scale
+        shape = condensed.half.shape
+        states: tuple[int, ...] = MOVING
+        if any(LONGITUDE in entry for entry in second):
+            states = (*MOVING, LONGITUDE)
+        place = {state: k for k, state in enumerate(states)}
+        over_states = np.zeros((*shape, len(states), len(states)))
+        by_time, twice = np.zeros((*shape, len(states))), np.zeros(shape)
+        for (row, column), values in second.items():
+            if row in place and column in place:
+                over_states[:, :, place[row], place[column]] = values
+            elif row in place and column == TIME:
+                by_time[:, :, place[row]] = values
+            elif row == column == TIME:
+                twice = values
+        step = t.node_free[1:] * scale  # of the node's time per δt_f
+        # what multiplies δt_f: W_xt of the nodes that move with it, and h(t_f) in −h μᵀ A δx
+        growth = t.half_free * scale
+        states_time = by_time * step[:, None]
+        for (row, column), values in condensed.jacobian.items():
+            states_time[:, :, place[column]] -= growth / condensed.half * values * mu[row]
+        at_points = np.zeros(shape)
+        for state in range(N_STATES):
+            at_points = at_points - growth * mu[state] * condensed.time_derivative[state]
+        if running is not None:
+            relative = (growth / condensed.half)[..., None] * running
+            states_time += relative[:, :, list(states)]
+            at_points = at_points + relative[:, :, N_STATES]
+        own = at_points * step + 0.5 * twice * step**2
+        control_time = -growth * mu[BANK] * condensed.rate_scale
+        return cls(condensed, states, over_states, states_time, control_time, own.sum(axis=1))
+
+    def reduced(self) -> Array:
+        """Eq. (1) without the terms in û, (c, n_z, n_z)."""
+        cases, points = self.control_time.shape
+        inner = self.condensed.moving[:, 1:]
+        if len(self.states) > len(MOVING):
+            longitude = self.condensed.longitude_map()[:, :, None]
+            inner = np.concatenate([inner, longitude], axis=2)
+        n_z = inner.shape[3]
+        hessian = np.zeros((cases, n_z, n_z))
+        for s in self.condensed.transcription.mesh.segments:
+            rows, stop = s.collocation, s.collocation.stop
+            # no later control has any part in these points; the last two columns are t_f's and σ₀'s
+            before, last = inner[:, rows, :, :stop], inner[:, rows, :, -2:]
+            weight = self.over_states[:, rows]
+            transposed = before.reshape(cases, -1, stop).transpose(0, 2, 1)
+            side = transposed @ (weight @ last).reshape(cases, -1, 2)
+            hessian[:, :stop, :stop] += transposed @ (weight @ before).reshape(cases, -1, stop)
+            hessian[:, :stop, -2:] += side
+            hessian[:, -2:, :stop] += side.transpose(0, 2, 1)
+            ends = last.reshape(cases, -1, 2)
+            corner = ends.transpose(0, 2, 1) @ (weight @ last).reshape(cases, -1, 2)
+            hessian[:, -2:, -2:] += corner
+        flat = inner.reshape(cases, -1, n_z)
+        coupling = (self.states_time.reshape(cases, 1, -1) @ flat)[:, 0]
+        coupling[:, :points] += self.control_time
+        coupling[:, -2] += self.over_time
+        hessian[:, -2] += coupling
+        hessian[:, :, -2] += coupling
+        return np.asarray(hessian)
+
+    def product(self, shift: Array, cases: Cases) -> tuple[Array, Array]:
+        """∇²L of a change of the states (k, n − 1, 7) of `cases`.
+
+        Over the states (k, n − 1, 7), still to be projected, and over the scaled t_f (k,).
+        """
+        moved = shift[:, :, list(self.states)]
+        over_states = np.zeros_like(shift)
+        over_states[:, :, list(self.states)] = (self.over_states[cases] @ moved[..., None])[..., 0]
+        return over_states, _dots(self.states_time[cases], moved)
+
+
+def _dots(a: Array, b: Array) -> Array:
+    """Inner products (c,) of what is contiguous by case."""
+    return np.asarray((a.reshape(len(a), 1, -1) @ b.reshape(len(b), -1, 1))[:, 0, 0])

@@ -1,0 +1,221 @@
+"""Eq. (1) of `newton` for every case: its matrices, and its solutions with the limits that are held."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg.lapack import dpotrf, dpotrs
+
+from ampi.physics.state import N_STATES
+from ampi.scp.condensed.condensing import Cases, CondensedDynamics
+from ampi.scp.condensed.convexify import STIFF
+from ampi.scp.condensed.cost import (
+    add_rate_curvature,
+    integrand_gradient,
+    integrand_multipliers,
+    smooth_gradient,
+)
+from ampi.scp.condensed.curvature import Curvature
+from ampi.scp.condensed.limit_rows import LimitRows, Sides, following
+from ampi.scp.condensed.points import Points, zero_states
+from ampi.tracing.dynamics import entries
+
+Array = NDArray[np.float64]
+
+
+@dataclass(eq=False)
+class Multipliers:
+    """λ of the rows that always hold (c, r); ν of the limits' rows, and which are held (c, rows)."""
+
+    target: Array
+    limits: Array
+    side: Sides
+
+    def keep(self, chosen: NDArray[np.bool_]) -> None:
+        """Go on with these cases."""
+        self.target, self.limits = self.target[chosen], self.limits[chosen]
+        self.side = self.side[chosen]
+
+
+@dataclass(frozen=True, eq=False)
+class NewtonSystem:
+    """Eq. (1) where its matrices were made."""
+
+    points: Points
+    condensed: CondensedDynamics
+    rows: LimitRows
+    curvature: Curvature
+    hessian: Array  # H, (c, n_z, n_z)
+    held_map: Array  # the rows of K that always hold, (c, r, n_z)
+    compliance: Array  # 1/2w of those, (c, r)
+    factors: list[KktFactors | None]  # with the limits that are held; None: there is no solution
+
+    @classmethod
+    def of(cls, points: Points, multipliers: Multipliers) -> NewtonSystem:
+        """At the present points."""
+        problem, condensed = points.problem, points.condensed()
+        target, t = problem.target, points.transcription
+        held_map = condensed.final_map[:, target.state[target.held]]
+        compliance = np.zeros(held_map.shape[:2])
+        weight = np.broadcast_to(target.weight[..., target.held], compliance.shape)
+        np.divide(0.5, weight, out=compliance, where=weight > 0.0)
+        if problem.entry_bank_rate is not None:
+            row = np.zeros((len(points), 1, condensed.n_variables))
+            row[:, 0, : len(t.entry_rate)] = t.entry_rate
+            held_map = np.concatenate([held_map, row], axis=1)
+            compliance = np.concatenate([compliance, np.zeros((len(points), 1))], axis=1)
+        rows = LimitRows.of(problem, condensed)
+        curvature, hessian = _second_order(points, condensed, rows, multipliers)
+        factors: list[KktFactors | None] = [None] * len(points)
+        return cls(points, condensed, rows, curvature, hessian, held_map, compliance, factors)
+
+    def with_curvature_of(self, multipliers: Multipliers) -> NewtonSystem:
+        """The same, its Hessian weighed by other multipliers."""
+        curvature, hessian = _second_order(self.points, self.condensed, self.rows, multipliers)
+        return replace(self, curvature=curvature, hessian=hessian)
+
+    def right_side(self, shift: Array) -> tuple[Array, Array, Array]:
+        """Gradient (c, n_z), errors of the rows that always hold, values of the limits' rows."""
+        points, problem, condensed = self.points, self.points.problem, self.condensed
+        everyone = points.everyone
+        gradient = smooth_gradient(problem, points.transcription, points.u, points.final_time)
+        if problem.functions.n_smooth:
+            values = points.functions[problem.n_limits, :, 1:]
+            jacobian = condensed.derivatives.gradient_of(problem.n_limits)[:, 1:]
+            gradient += integrand_gradient(condensed, values, jacobian, condensed.half, everyone)
+        over_states, over_time = self.curvature.product(shift, everyone)
+        gradient += condensed.projected(over_states, everyone)
+        gradient[:, -2] += over_time
+        return gradient, points.errors(everyone, shift), self.limit_values(shift, everyone)
+
+    def limit_values(self, shift: Array, cases: Cases) -> Array:
+        """Of the limits' rows after `shift`, (k, rows)."""
+        points, change = self.points, zero_states(self.points, cases)
+        change[:, :, 1:] = shift.transpose(2, 0, 1)
+        rate = points.rate(cases)
+        value = self.rows.value(
+            points.problem.at(cases).target, points.x[:, cases], rate, points.path[:, cases]
+        )
+        return value + self.rows.moved(change, 0.0 * rate, np.zeros(len(cases)), cases)
+
+    def solution(
+        self, gradient: Array, errors: Array, value: Array, side: Sides, set_changes: int
+    ) -> tuple[Array, Array, Array, Array]:
+        """z (c, n_z), Z z (7, c, n), λ and ν of Eq. (1); NaN where the held set does not settle."""
+        points, rows = self.points, self.rows
+        changes = np.zeros((N_STATES, *points.x.shape[1:]))
+        z, on_target = np.full_like(gradient, np.nan), np.full_like(errors, np.nan)
+        on_limits, pending = np.zeros_like(value), points.everyone
+        for _ in range(set_changes):
+            for case in pending:
+                self.factors[case] = self._factored(case, side[case])
+                found = self.held_solution(
+                    case, side[case], gradient[case], errors[case], value[case]
+                )
+                z[case], on_target[case], on_limits[case] = found
+            changes[:, pending] = change = self.condensed.change(z[pending], pending)
+            rate = points.transcription.nodal_rate(z[pending, :-2])
+            there = value[pending] + rows.moved(change, rate, z[pending, -2], pending)
+            bounds = (rows.lower[pending], rows.upper[pending])
+            now = following(side[pending], on_limits[pending], there, *bounds)
+            changed = (now != side[pending]).any(axis=1)
+            side[pending] = now
+            pending = pending[changed]
+            if not len(pending):
+                break
+        z[pending] = np.nan
+        return z, changes, on_target, on_limits
+
+    def held_solution(
+        self, case: int, side: Sides, gradient: Array, errors: Array, value: Array
+    ) -> tuple[Array, Array, Array]:
+        """z, λ and ν of one case with the rows `side` held; not a number if it has no factors."""
+        on_limits, factors, held = np.zeros_like(value), self.factors[case], np.flatnonzero(side)
+        if factors is None:
+            return np.full_like(gradient, np.nan), np.full_like(errors, np.nan), on_limits
+        bound = np.where(side > 0, self.rows.upper[case], self.rows.lower[case])
+        error = np.concatenate([errors, (value - bound)[held]])
+        z, found = factors.solution(gradient, error)
+        on_limits[held] = found[len(errors) :]
+        return z, found[: len(errors)], on_limits
+
+    def _factored(self, case: int, side: Sides) -> KktFactors | None:
+        held = np.flatnonzero(side)
+        kkt, compliance = self.held_map[case], self.compliance[case]
+        if len(held):
+            kkt = np.concatenate([kkt, self.rows.matrix(case, held)])
+            compliance = np.concatenate([compliance, np.zeros(len(held))])
+        return KktFactors.of(self.hessian[case], kkt, compliance)
+
+
+def _second_order(
+    points: Points, condensed: CondensedDynamics, rows: LimitRows, multipliers: Multipliers
+) -> tuple[Curvature, Array]:
+    """The curvature of the Lagrangian and H (c, n_z, n_z), with μ from λ and ν."""
+    problem, t, m = points.problem, points.transcription, points.problem.n_limits
+    derivatives, everyone = condensed.derivatives, points.everyone
+    gradient, _ = rows.node_gradient(multipliers.limits, rows.path_gradient)
+    gradient[:, -1, problem.target.state[problem.target.held]] += multipliers.target[
+        :, : len(problem.target.held)
+    ]
+    none = np.zeros((len(points), 0))
+    omega = integrand_multipliers(problem, t, points.final_time, none)
+    running = None
+    if len(omega):
+        running = omega[0][..., None] * derivatives.gradient_of(m)[:, 1:]
+        gradient += running[:, :, :N_STATES]
+    mu = condensed.multipliers(gradient, everyone)
+    weights = np.concatenate([rows.path_multipliers(multipliers.limits), omega])
+    function = problem.dynamics.second
+    (second,) = points.evaluate(function, everyone, -condensed.half * mu, weights, first=1)
+    over_xt = entries(function.nonzeros[0], second)
+    curvature = Curvature.of(condensed, over_xt, mu, running)
+    hessian = curvature.reduced()
+    add_rate_curvature(hessian, problem, t, points.u, points.final_time)
+    if problem.entry_bank_angle is not None:
+        hessian[:, -1, -1] += 1.0  # δσ₀ moves nothing: so it is zero
+    return curvature, hessian
+
+
+@dataclass(frozen=True, eq=False)
+class KktFactors:
+    """Of Eq. (1) for one case, K the rows of the target and those of the limits that are held.
+
+    With some of the rows' stiffness, S = H + Kᵀ s K = L Lᵀ and B = I − s/2w, Eq. (1) is
+
+        (K S⁻¹ Kᵀ B + 1/2w) λ = e − K S⁻¹ (g + Kᵀ s e),   z = −S⁻¹ (g + Kᵀ s e + Kᵀ B λ),
+
+    and one Cholesky factor is both the solution and the test.
+    """
+
+    cholesky: Array  # L
+    rows: Array  # K, (r, n_z)
+    stiff: Array  # s, (r,)
+    left: Array  # B, (r,)
+    spread: Array  # S⁻¹ Kᵀ, (n_z, r)
+    schur: Array  # of λ, (r, r)
+
+    @classmethod
+    def of(cls, hessian: Array, rows: Array, compliance: Array) -> KktFactors | None:
+        """None unless H is positive definite under the rows; `compliance` is 1/2w, (r,)."""
+        norms = np.einsum("ij,ij->i", rows, rows)
+        with np.errstate(all="ignore"):
+            stiff = np.minimum(STIFF * float(np.linalg.norm(hessian)) / norms, 1.0 / compliance)
+            cholesky, info = dpotrf(hessian + (rows.T * stiff) @ rows, lower=1)
+        if info != 0:
+            return None
+        spread, left = dpotrs(cholesky, rows.T, lower=1)[0], 1.0 - stiff * compliance
+        schur = (rows @ spread) * left + np.diag(compliance)
+        return cls(cholesky, rows, stiff, left, spread, schur)
+
+    def solution(self, gradient: Array, error: Array) -> tuple[Array, Array]:
+        """z and λ; not a number where the rows depend on each other."""
+        right = gradient + (self.stiff * error) @ self.rows
+        half = dpotrs(self.cholesky, right, lower=1)[0]
+        try:
+            multipliers = np.linalg.solve(self.schur, error - self.rows @ half)
+        except np.linalg.LinAlgError:
+            return np.full_like(gradient, np.nan), np.full_like(error, np.nan)
+        return -half - self.spread @ (self.left * multipliers), multipliers
