@@ -1,0 +1,514 @@
+"""Newton's iteration for many cases: its optima and limits, its algebra, no company."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from itertools import pairwise
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+import ampi
+from ampi.missions import Mission, load_mission
+from ampi.missions.family import MissionFamily
+from ampi.missions.loading import parse_mission
+from ampi.propagation import reintegrate
+from ampi.scp.condensed.cost import add_rate_curvature
+from ampi.scp.condensed.exact_hessian import ExactHessianIteration
+from ampi.scp.condensed.iterate import ONE, Flight, Iterate, Point, RestorationSettings
+from ampi.scp.condensed.limit_rows import LimitRows, following
+from ampi.scp.condensed.newton import NewtonIteration, is_known, newton
+from ampi.scp.condensed.newton_system import KktFactors, NewtonSystem
+from ampi.scp.condensed.points import Points
+from ampi.scp.condensed.quadratic_model import Multipliers, lagrangian_hessian
+from ampi.scp.condensed.settings import SolverSettings
+from ampi.scp.guess import NodalGuess, from_trajectory, nodal_guess
+from ampi.scp.problem.scaled_problem import OptimalControlProblem
+from ampi.scp.solve import optimum as optimum_of
+from ampi.scp.solve import solve_family
+from ampi.trajectory import Status, Trajectory
+
+Array = NDArray[np.float64]
+PLACES = (
+    (20.0, 0.0, 0.0),
+    (0.0, 0.1, 0.0),
+    (-20.0, -0.1, 0.1),
+    (10.0, 0.05, -0.1),
+    (35.0, 0.0, 0.1),
+)  # m/s, degrees of flight-path angle and azimuth away from the nominal entry
+BYTES = ("states", "bank_rate", "final_time", "cost", "target_multipliers")
+
+
+def robust(mission: Mission, guess: Trajectory) -> Trajectory:
+    """By the iteration that needs no neighbour."""
+    problem = OptimalControlProblem.of(mission)
+    run = ExactHessianIteration(problem, SolverSettings())
+    return run.run(nodal_guess(mission, guess), warm=True)
+
+
+def alone(mission: Mission, guess: Trajectory) -> Trajectory | None:
+    """By Newton's iteration, in the family of one."""
+    return solve_family(MissionFamily.of([mission]), [guess])[0]
+
+
+def limited(mission: Mission, **limits: float) -> Mission:
+    """The mission under other limits (SI)."""
+    return mission.model_copy(update={"limits": mission.limits.model_copy(update=limits)})
+
+
+def assert_the_same(found: Trajectory | None, other: Trajectory) -> None:
+    """The optimum of the other method."""
+    assert found is not None
+    assert (found.status, other.status) == (Status.SOLVED, Status.SOLVED)
+    assert found.cost == pytest.approx(other.cost, rel=2e-6)
+    assert found.states[6] == pytest.approx(other.states[6], abs=1e-5)
+    assert found.final_time == pytest.approx(other.final_time, abs=1e-4)
+    assert found.target_multipliers == pytest.approx(other.target_multipliers, rel=1e-3)
+
+
+@pytest.fixture(scope="module")
+def centre(mission: Mission) -> Trajectory:
+    """The optimum of the mission's own branch, clear of all limits."""
+    return optimum_of(mission)
+
+
+@pytest.fixture(scope="module")
+def neighbours(mission: Mission) -> MissionFamily[Mission]:
+    """Members of the family not far from its centre."""
+    p = np.tile(mission.nominal_parameters, (len(PLACES), 1))
+    p[:, 3:] += np.array(PLACES) * (1.0, np.radians(1.0), np.radians(1.0))
+    return mission.family(p)
+
+
+@pytest.fixture(scope="module")
+def together(neighbours: MissionFamily[Mission], centre: Trajectory) -> list[Trajectory]:
+    """All of them from the nominal solution, in one go."""
+    found = solve_family(neighbours, [centre] * len(neighbours))
+    assert all(one is not None for one in found)
+    return [one for one in found if one is not None]
+
+
+def test_the_optima_are_those_of_the_general_method(
+    neighbours: MissionFamily[Mission], centre: Trajectory, together: list[Trajectory]
+) -> None:
+    for case, found in enumerate(together):
+        here = neighbours.member(case)
+        assert_the_same(found, robust(here, centre))
+        assert found.states[:6, 0] == pytest.approx(here.entry_state, rel=1e-15)
+
+
+def test_the_logs_converge_like_newtons(together: list[Trajectory]) -> None:
+    """The first simplified step is of second order in Newton's, the next ones contract."""
+    for found in together:
+        log = found.statistics.log
+        steps, kinds = [row.step for row in log], [row.subproblem for row in log]
+        assert len(steps) == found.statistics.iterations
+        assert kinds.count("Solved") <= 2
+        assert steps[-1] < 3e-4
+        for (before, after), kind in zip(pairwise(steps), kinds, strict=False):
+            assert after < (10.0 * before**2 if kind == "Solved" else 0.5 * before)
+        assert log[-1].cost == pytest.approx(found.cost, rel=1e-12)
+
+
+def assert_equal_bits(one: Trajectory | None, other: Trajectory | None) -> None:
+    """Nothing but the time may differ."""
+    assert one is not None
+    assert other is not None
+    for name in BYTES:
+        assert np.array_equal(getattr(one, name), getattr(other, name)), name
+    assert one.statistics.iterations == other.statistics.iterations
+
+
+def test_no_bit_depends_on_the_company(
+    neighbours: MissionFamily[Mission], centre: Trajectory, together: list[Trajectory]
+) -> None:
+    portions = ([0], [1, 2, 3, 4], [4, 0], [2, 1], [3])
+    for portion in portions:
+        found = solve_family(neighbours.take(portion), [centre] * len(portion))
+        for k, one in zip(portion, found, strict=True):
+            assert_equal_bits(one, together[k])
+
+
+def test_a_hopeless_case_does_not_spoil_its_company(
+    neighbours: MissionFamily[Mission], centre: Trajectory, together: list[Trajectory]
+) -> None:
+    nowhere = replace(centre, states=centre.states * np.linspace(1.0, 40.0, 64))
+    missing = replace(centre, states=np.full_like(centre.states, np.nan))
+    found = solve_family(neighbours.take([0, 1, 2]), [nowhere, centre, missing])
+    assert found[0] is None
+    assert found[2] is None
+    assert found[1] is not None
+    assert np.array_equal(found[1].states, together[1].states)
+
+
+def test_an_active_limit_is_held(mission: Mission, centre: Trajectory) -> None:
+    """At a node, between nodes, and on the path; a limit that asks for too much is left alone."""
+    highest = float(np.abs(centre.states[6]).max())
+    bank = limited(mission, bank_angle=highest - np.radians(2.0))
+    found = alone(bank, centre)
+    assert_the_same(found, robust(bank, centre))
+    assert found is not None
+    assert np.abs(found.states[6]).max() == pytest.approx(bank.limits.bank_angle, rel=1e-5)
+    assert found.cost > centre.cost
+
+    used = reintegrate(mission, centre).fine_path[0, 1].max()
+    cold = limited(mission, heat_flux=0.98 * used * mission.limits.heat_flux)
+    assert alone(cold, centre) is None
+
+
+def test_without_multipliers_or_on_another_mesh_there_is_no_start(
+    mission: Mission, centre: Trajectory
+) -> None:
+    assert alone(mission, replace(centre, target_multipliers=None)) is None
+    coarse = mission.toml.replace("degrees = [14, 14, 14]", "degrees = [10, 10, 10]")
+    assert coarse != mission.toml
+    assert alone(parse_mission(coarse), centre) is None
+
+
+@pytest.mark.parametrize("name", ["cavh_wang2020", "cavh_zhou2021", "rlv_liu2024"])
+def test_an_objective_that_it_does_not_know_is_left_alone(name: str) -> None:
+    mission = load_mission(name)
+    mesh, problem = mission.pseudospectral_mesh, OptimalControlProblem.of(mission)
+    guess = Trajectory(
+        mesh,
+        np.ones((7, mesh.n_nodes)),
+        np.zeros(mesh.n_nodes),
+        900.0,
+        0.0,
+        Status.SOLVED,
+        target_multipliers=np.zeros(len(problem.target)),
+    )
+    assert not is_known(problem)
+    assert alone(mission, guess) is None
+
+
+def test_models_that_differ_are_solved_together(mission: Mission, centre: Trajectory) -> None:
+    density = load_mission("shefex3_density")
+    p = np.tile(density.nominal_parameters, (4, 1))
+    p[:, -1] = 0.99, 1.0, 1.01, 0.99
+    family = density.family(p)
+    found = solve_family(family, [centre] * 4)
+    assert all(one is not None and one.status is Status.SOLVED for one in found)
+    for case, one in enumerate(found[:3]):
+        assert one is not None
+        assert one.cost == pytest.approx(robust(family.member(case), centre).cost, rel=2e-6)
+    assert found[0] is not None
+    assert found[3] is not None
+    assert np.array_equal(found[0].states, found[3].states)
+
+
+Batch = SimpleNamespace  # flight, points (of two cases), guesses, begin: a run at them
+
+
+@pytest.fixture(params=["shefex3", "drifting"])
+def pair(
+    request: pytest.FixtureRequest,
+    flight: Flight,
+    constant_bank_point: Point,
+    optimum: Point,
+) -> Batch:
+    """Two cases of one problem; `drifting` has physics that depend on time to the end."""
+    ends = [optimum, constant_bank_point]
+    if request.param == "drifting":
+        flight, point = request.getfixturevalue("drifting")
+        there = replace(point.iterate, bank_rate=point.iterate.bank_rate + 0.02)
+        moved = flight.restore(there, None)
+        assert moved is not None
+        ends = [point, moved]
+    problem, scale = flight.problem, np.array(flight.problem.scaling.states)
+    guesses = [
+        NodalGuess(
+            end.iterate.states * scale,
+            flight.transcription.nodal_rate(end.iterate.bank_rate[None])[0]
+            * problem.bank_rate_limit,
+            end.iterate.final_time,
+            np.array([1e-6, 3.0, -2.0, 1e-5]) * (1.0 + k) / problem.multiplier_scale,
+        )
+        for k, end in enumerate(ends)
+    ]
+
+    def begin(one_by_one: bool = False) -> NewtonIteration:
+        points = Points.of(problem, guesses, one_by_one=one_by_one)
+        return NewtonIteration.begin(points, guesses, SolverSettings())
+
+    return Batch(flight=flight, ends=ends, begin=begin)
+
+
+BOTH = np.arange(2)
+
+
+def close(found: Array, expected: Array, digits: float = 1e-9) -> None:
+    assert found == pytest.approx(expected, rel=digits, abs=digits * np.abs(expected).max())
+
+
+def test_a_batch_of_two_is_two_batches_of_one(pair: Batch) -> None:
+    """State maps, corrections and multipliers; of the whole batch and of a part of it."""
+    points = pair.begin().points
+    condensed = points.condensed()
+    rng, n = np.random.default_rng(5), points.x.shape[2]
+    z = rng.normal(size=(2, condensed.n_variables))
+    residual, gradient = rng.normal(size=(2, 2, n - 1, 7))
+    for case, end in enumerate(pair.ends):
+        single, own = pair.flight.linearise(end.iterate), np.array([case])
+        part = slice(case, case + 1)
+        for whole, cut, expected in (
+            (
+                condensed.change(z, BOTH),
+                condensed.change(z[part], own),
+                single.change(z[part], ONE),
+            ),
+            (
+                condensed.multipliers(gradient, BOTH),
+                condensed.multipliers(gradient[part], own),
+                single.multipliers(gradient[part], ONE),
+            ),
+        ):
+            close(whole[:, case], expected[:, 0])
+            assert np.array_equal(cut[:, 0], whole[:, case])
+        for whole, cut, expected in (
+            (
+                condensed.correction(residual, BOTH),
+                condensed.correction(residual[part], own),
+                single.correction(residual[part], ONE),
+            ),
+            (
+                condensed.projected(gradient, BOTH),
+                condensed.projected(gradient[part], own),
+                single.projected(gradient[part], ONE),
+            ),
+        ):
+            close(whole[case], expected[0])
+            assert np.array_equal(cut[0], whole[case])
+        close(condensed.final_map[case], single.final_map[0])
+
+
+def random_limits(pair: Batch, run: NewtonIteration) -> None:
+    """Multipliers on rows of every kind; of |û| too, where they have no curvature."""
+    rng = np.random.default_rng(7)
+    run.multipliers.target = rng.normal(size=run.multipliers.target.shape)
+    run.multipliers.limits = 0.1 * rng.normal(size=run.multipliers.limits.shape)
+
+
+def test_the_hessian_is_that_of_the_quadratic_model(pair: Batch) -> None:
+    """Of the batch of one, which restored flights have told (test_condensing)."""
+    flight, run = pair.flight, pair.begin()
+    random_limits(pair, run)
+    system = NewtonSystem.of(run.points, run.multipliers)
+    t, n = flight.transcription, flight.transcription.mesh.n_nodes
+    for case, end in enumerate(pair.ends):
+        limits = run.multipliers.limits[case]
+        on_bank = limits[n : 2 * n] + limits[2 * n : 2 * n + len(t.between)] @ t.between
+        on_path = limits[-3 * n :].reshape(3, n).T
+        multipliers = Multipliers(run.multipliers.target[case], on_path, on_bank, np.zeros(0))
+        condensed = flight.linearise(end.iterate)
+        single = lagrangian_hessian(flight, end, condensed, multipliers)
+        close(system.hessian[case], single, 1e-8)
+
+
+def test_the_shift_of_the_states_enters_as_a_step_does(pair: Batch) -> None:
+    # δσ₀ moves states and nothing else: shifting them by Z δσ₀ and stepping δσ₀ are the same to L.
+    run = pair.begin()
+    random_limits(pair, run)
+    system = NewtonSystem.of(run.points, run.multipliers)
+    condensed, curvature = system.condensed, system.curvature
+    z = np.zeros((2, condensed.n_variables))
+    z[:, -1] = 1.0
+    shift = condensed.change(z, BOTH)[:, :, 1:].transpose(1, 2, 0)
+
+    def product(shift: Array, cases: NDArray[np.intp]) -> Array:
+        over_states, over_time = curvature.product(shift, cases)
+        found = condensed.projected(over_states, cases)
+        found[:, -2] += over_time
+        return found
+
+    found = product(shift, BOTH)
+    for case in range(2):
+        close(found[case], curvature.reduced()[case] @ z[case], 1e-8)
+        close(product(0.5 * shift[[case]], np.array([case]))[0], 0.5 * found[case])
+
+
+def flown(pair: Batch, case: int, condensed: object, z: Array) -> Point:
+    """One case restored at the controls of z."""
+    here = pair.ends[case].iterate
+    single = pair.flight.linearise(here)
+    states = here.states + single.change(z[None], ONE)[:, 0].T
+    there = Iterate(states, here.bank_rate + z[:-2], here.final_time + 100.0 * z[-2])
+    restored = pair.flight.restore(there, None)
+    assert restored is not None
+    return restored
+
+
+def test_rows_of_the_limits_are_slopes_along_restored_flights(pair: Batch) -> None:
+    """As a matrix, as what a change of the states adds, and transposed."""
+    run = pair.begin()
+    system = NewtonSystem.of(run.points, run.multipliers)
+    rows, problem = system.rows, pair.flight.problem
+    rng, step = np.random.default_rng(3), 1e-4
+    count = rows.lower.shape[1]
+    for case in range(2):
+        matrix = rows.matrix(case, np.arange(count))
+        for d in (*np.eye(matrix.shape[1])[[0, -2, -1]], 0.1 * rng.normal(size=matrix.shape[1])):
+            values = []
+            for size in (step, -step):
+                at = flown(pair, case, system.condensed, size * d)
+                x, u, _ = at.iterate.batch
+                rate = pair.flight.transcription.nodal_rate(u)
+                values.append(rows.value(problem.target, x, rate, at.path.T[:, None])[0])
+            slope = (values[0] - values[1]) / (2.0 * step)
+            assert np.abs(slope - matrix @ d).max() < 1e-5 * max(1.0, np.abs(slope).max())
+            own = np.array([case])
+            change, rate = (
+                system.condensed.change(d[None], own),
+                pair.flight.transcription.nodal_rate(d[None, :-2]),
+            )
+            close(rows.moved(change, rate, d[[-2]], own)[0], matrix @ d)
+        multipliers = rng.normal(size=(1, count))
+        over_states, over_time = rows.node_gradient(
+            multipliers, rows.path_gradient[:, case : case + 1]
+        )
+        found = system.condensed.projected(over_states, np.array([case]))
+        found[0, -2] += 100.0 * over_time[0] @ pair.flight.transcription.node_free
+        found += rows.on_rate(multipliers)
+        close(found[0], multipliers[0] @ matrix)
+
+
+def test_with_the_matrices_of_the_point_the_simplified_step_is_newtons(pair: Batch) -> None:
+    """The two write the gradient of the Lagrangian differently: by the constraints' rows, and by μ."""
+    runs = [pair.begin(), pair.begin()]
+    for run in runs:
+        run.points.final_time = run.points.final_time + 2.0
+        noise = np.random.default_rng(9).normal(scale=1e-3, size=run.points.u.shape)
+        run.points.u = run.points.u + noise
+    assert_the_steps_are_the_same(*runs)
+
+
+def assert_the_steps_are_the_same(run: NewtonIteration, other: NewtonIteration) -> None:
+    """Newton's step of one, and the simplified one of its twin that holds the same rows."""
+    size = run.newton_step(NewtonSystem.of(run.points, run.multipliers))
+    assert np.all(size > 1e-3)
+    system = NewtonSystem.of(other.points, other.multipliers)
+    other.multipliers.side = run.multipliers.side.copy()
+    system.factors[:] = [system._factored(k, side) for k, side in enumerate(run.multipliers.side)]
+    changed = np.zeros((len(size), run.points.u.shape[1], 7))
+    simplified = other.simplified_step(system, changed, np.arange(len(size)))
+    assert simplified == pytest.approx(size, rel=1e-6)
+    assert other.points.x == pytest.approx(run.points.x, abs=1e-6 * size[0])
+    assert other.multipliers.target == pytest.approx(run.multipliers.target, rel=1e-6)
+    close(other.multipliers.limits, run.multipliers.limits, 1e-6)
+    assert other.points.final_time == pytest.approx(run.points.final_time, rel=1e-9)
+
+
+@pytest.mark.parametrize("where", ["entry", "later"])
+def test_the_simplified_step_is_newtons_where_limits_are_held(
+    mission: Mission, centre: Trajectory, where: str
+) -> None:
+    """Bank angle at the entry or later, bank rate, heat flux."""
+    bank = np.abs(centre.states[6])
+    highest = bank[0] if where == "entry" else bank.max()
+    heat = float(reintegrate(mission, centre).fine_path[0, 1].max()) * mission.limits.heat_flux
+    tight = limited(mission, bank_angle=highest - 1e-3, heat_flux=heat * (1.0 - 1e-5))
+    if where == "entry":
+        tight = mission.model_copy(
+            update={"limits": tight.limits.model_copy(update={"heat_flux": 2.0 * heat})}
+        )
+    problem, guess = OptimalControlProblem.of(tight), from_trajectory(centre, tight)
+    runs = []
+    for _ in range(2):
+        points = Points.of(problem, [guess] * 2, one_by_one=False)
+        points.final_time = points.final_time + np.array([0.5, -0.5])
+        runs.append(NewtonIteration.begin(points, [guess] * 2, SolverSettings()))
+    assert_the_steps_are_the_same(*runs)
+    n, side = problem.mesh.n_nodes, runs[0].multipliers.side
+    assert side.any()
+    assert side[:, n].any() == (where == "entry")
+
+
+def test_the_factors_solve_the_dense_system() -> None:
+    """Eq. (1) as one matrix; of an indefinite H that is positive definite under the rows, too."""
+    rng, n_z, r = np.random.default_rng(1), 12, 4
+    basis = rng.normal(size=(n_z, n_z))
+    rows, gradient, error = rng.normal(size=(r, n_z)), rng.normal(size=n_z), rng.normal(size=r)
+    compliance = np.array([0.0, 0.3, 1e-4, 0.0])
+    for hessian in (basis @ basis.T, basis @ basis.T - 30.0 * np.outer(rows[0], rows[0])):
+        factors = KktFactors.of(hessian, rows, compliance)
+        assert factors is not None
+        z, multipliers = factors.solution(gradient, error)
+        dense = np.block([[hessian, rows.T], [rows, -np.diag(compliance)]])
+        exact = np.linalg.solve(dense, -np.concatenate([gradient, error]))
+        close(np.concatenate([z, multipliers]), exact, 1e-8)
+    null = np.linalg.qr(rows.T, mode="complete")[0][:, -1]
+    assert KktFactors.of(basis @ basis.T - 1e3 * np.outer(null, null), rows, compliance) is None
+
+
+def test_which_rows_hold_the_next_step() -> None:
+    side = np.array([[0, 0, 0, 1, 1, -1, -1, 0]], dtype=np.int8)
+    multipliers = np.array([[0.0, 0.0, 0.0, 2.0, -2.0, -2.0, 2.0, 0.0]])
+    value = np.array([[0.0, 1.1, -1.1, 1.0, 1.0, -1.0, -1.0, 1.0 + 1e-12]])
+    bound = np.ones((1, 8))
+    now = following(side, multipliers, value, -bound, bound)
+    assert now.tolist() == [[0, 1, -1, 1, 0, -1, 0, 0]]
+
+
+@pytest.mark.parametrize("beyond", ["bank", "rate", "path", "between", "target"])
+def test_a_case_beyond_a_limit_is_not_taken(pair: Batch, beyond: str) -> None:
+    run = pair.begin()
+    rows = NewtonSystem.of(run.points, run.multipliers).rows
+    points, problem = run.points, run.points.problem
+    points.functions[:] = 0.5
+    points.x[6] = 0.1
+    points.u[:] = 0.0
+    assert run.keeps_limits(rows).all()
+    if beyond == "bank":
+        points.x[6, 1, 20] = 1.001 * problem.bank_limit
+    elif beyond == "between":
+        points.x[6, 1] = 0.999999 * problem.bank_limit * np.sign(np.sin(np.arange(64.0)))
+    elif beyond == "rate":
+        points.u[1, 20] = -1.001
+    elif beyond == "path":
+        points.functions[0, 1, 20] = 1.001
+    else:
+        target = problem.target
+        ranged = replace(
+            target, weight=0.0 * target.weight, lower=-np.ones(4), upper=np.array([1.0, 9, 9, 9])
+        )
+        points.x[:4, :, -1] = ranged.reference[:, None]
+        points.problem = replace(problem, target=ranged)
+        rows = LimitRows.of(points.problem, rows.condensed)
+        assert run.keeps_limits(rows).all()
+        points.x[0, 1, -1] += 1.001
+    assert run.keeps_limits(rows).tolist() == [True, False]
+
+
+def test_a_saddle_is_not_taken(problem: OptimalControlProblem, centre: Trajectory) -> None:
+    # With multipliers of the wrong sign the Hessian under the target is indefinite.
+    guess = from_trajectory(centre, load_mission("shefex3"))
+    assert guess.target_multipliers is not None
+    wrong = replace(guess, target_multipliers=-20.0 * guess.target_multipliers)
+    assert list(newton(problem, [wrong])) == []
+
+
+def test_the_front_door_says_what_it_takes(mission: Mission, centre: Trajectory) -> None:
+    nominal = mission.nominal_parameters
+    with pytest.raises(ValueError, match="one for each of the 2 cases, got 1"):
+        solve_family(mission.family(np.stack([nominal, nominal])), [centre])
+    assert solve_family(mission.family(np.empty((0, len(nominal)))), []) == []
+    assert ampi.solve_family is solve_family
+    assert RestorationSettings().tolerance == 1e-9
+
+
+def test_a_case_that_does_not_contract_is_given_up(
+    pair: Batch, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Steps of one size: the first may be any, the second is to be half of it at the most."""
+    steps = []
+
+    def same(self: NewtonIteration, system: NewtonSystem) -> Array:
+        steps.append(1)
+        return np.full(2, 0.2)
+
+    monkeypatch.setattr(NewtonIteration, "newton_step", same)
+    monkeypatch.setattr(NewtonIteration, "simplified_step", lambda *arguments: np.full(2, 0.2))
+    assert list(pair.begin().run()) == []
+    assert len(steps) == 2
