@@ -185,6 +185,19 @@ def test_multipliers_solve_the_transposed_system(
     assert np.abs(swept - exact).max() < 1e-10 * np.abs(exact).max()
 
 
+def test_what_the_system_has_changed_is_the_difference_of_its_matrices(
+    flying: Flight, point: Point, condensed: CondensedDynamics
+) -> None:
+    z = 0.005 * np.random.default_rng(8).normal(size=condensed.n_variables)
+    there = flown(flying, point, condensed, z)
+    now = flying.linearise(there.iterate)
+    mu = np.random.default_rng(9).normal(size=(7, 1, len(z) - 2))
+    exact = dense_system(flying, there, now) - dense_system(flying, point, condensed)
+    found = condensed.change_of_transpose(now.derivatives, now.half, mu, ONE)
+    expected = (exact.T @ mu[:, 0].T.ravel()).reshape(-1, 7)
+    assert np.abs(found[0] - expected).max() < 1e-10 * np.abs(expected).max()
+
+
 def test_multipliers_give_the_reduced_gradient(
     flying: Flight, point: Point, condensed: CondensedDynamics
 ) -> None:

@@ -14,8 +14,7 @@ import ampi
 from ampi.missions import Mission, load_mission
 from ampi.missions.family import MissionFamily
 from ampi.missions.loading import parse_mission
-from ampi.propagation import reintegrate
-from ampi.scp.condensed.cost import add_rate_curvature
+from ampi.propagation.reintegration import reintegrate
 from ampi.scp.condensed.exact_hessian import ExactHessianIteration
 from ampi.scp.condensed.iterate import ONE, Flight, Iterate, Point, RestorationSettings
 from ampi.scp.condensed.limit_rows import LimitRows, following
@@ -370,7 +369,7 @@ def test_rows_of_the_limits_are_slopes_along_restored_flights(pair: Batch) -> No
         )
         found = system.condensed.projected(over_states, np.array([case]))
         found[0, -2] += 100.0 * over_time[0] @ pair.flight.transcription.node_free
-        found += rows.on_rate(multipliers)
+        found += rows.on_control(multipliers)
         close(found[0], multipliers[0] @ matrix)
 
 

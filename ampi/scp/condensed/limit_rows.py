@@ -105,16 +105,13 @@ class LimitRows:
         """What multipliers (k, rows) of Eq. (1) give in the Lagrangian's gradient.
 
         Over the states after the first node (k, n − 1, 7), and over the times of the nodes (k, n), with
-        ∂g/∂(x, t) (m, k, n, 8) at the points in question. The rows on û are not among them.
+        ∂g/∂(x, t) (m, k, n, 8) at the points in question. What `on_control` gives is not among them.
         """
-        t, n = self.condensed.transcription, self.problem.mesh.n_nodes
-        b, m = len(t.between), self.problem.n_limits
+        n, b = self.problem.mesh.n_nodes, len(self.condensed.transcription.between)
+        m = self.problem.n_limits
         on_path = multipliers[:, 2 * n + b : 2 * n + b + m * n].reshape(-1, m, n)
         gradient = np.einsum("kmn,mkni->kni", on_path, path_gradient)
-        on_bank = (
-            multipliers[:, n : 2 * n] + (multipliers[:, None, 2 * n : 2 * n + b] @ t.between)[:, 0]
-        )
-        gradient[:, :, BANK] += on_bank
+        gradient[:, :, BANK] += self._on_bank(multipliers)
         ranged = self.problem.target.ranged
         states = self.problem.target.state[ranged]
         gradient[:, -1, states] += multipliers[:, multipliers.shape[1] - len(ranged) :]
@@ -127,13 +124,21 @@ class LimitRows:
         on_path = multipliers[:, 2 * n + b : 2 * n + b + m * n].reshape(-1, m, n)
         return np.ascontiguousarray(on_path.transpose(1, 0, 2)[:, :, 1:])
 
-    def on_rate(self, multipliers: Array) -> Array:
-        """Those of the rows on û, as a gradient over z, (k, n_z)."""
+    def on_control(self, multipliers: Array) -> Array:
+        """Those of the rows on û and on the bank angle at the entry, as a gradient over z, (k, n_z)."""
         t, n = self.condensed.transcription, self.problem.mesh.n_nodes
         gradient = np.zeros((len(multipliers), self.condensed.n_variables))
         gradient[:, : n - 1] = multipliers[:, 1:n]
         gradient[:, : len(t.entry_rate)] += multipliers[:, :1] * t.entry_rate
+        if self.problem.entry_bank_angle is None:
+            gradient[:, -1] = self._on_bank(multipliers)[:, 0]
         return gradient
+
+    def _on_bank(self, multipliers: Array) -> Array:
+        """Those of the bank angle as a gradient over it at the nodes, (k, n)."""
+        t, n = self.condensed.transcription, self.problem.mesh.n_nodes
+        between = multipliers[:, None, 2 * n : 2 * n + len(t.between)]
+        return np.asarray(multipliers[:, n : 2 * n] + (between @ t.between)[:, 0])
 
 
 def following(side: Sides, multipliers: Array, value: Array, lower: Array, upper: Array) -> Sides:

@@ -214,7 +214,7 @@ class NewtonIteration:
             left, changed[cases] = now - changed[cases], now
         gradient = self.control_gradient(derivatives, mu, cases)
         gradient[:, -2] += on_time
-        gradient += system.rows.on_rate(multipliers.limits[cases])
+        gradient += system.rows.on_control(multipliers.limits[cases])
         over_states, over_time = system.curvature.product(shift, cases)
         gradient += condensed.projected(left + over_states, cases)
         gradient[:, -2] += over_time
