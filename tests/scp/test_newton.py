@@ -23,6 +23,7 @@ from ampi.scp.condensed.newton_system import KktFactors, NewtonSystem
 from ampi.scp.condensed.points import Points
 from ampi.scp.condensed.quadratic_model import Multipliers, lagrangian_hessian
 from ampi.scp.condensed.settings import SolverSettings
+from ampi.scp.condensed.transcription import radau_transcription
 from ampi.scp.guess import NodalGuess, from_trajectory, nodal_guess
 from ampi.scp.problem.scaled_problem import OptimalControlProblem
 from ampi.scp.solve import optimum as optimum_of
@@ -143,17 +144,27 @@ def test_a_hopeless_case_does_not_spoil_its_company(
 
 
 def test_an_active_limit_is_held(mission: Mission, centre: Trajectory) -> None:
-    """At a node, between nodes, and on the path; a limit that asks for too much is left alone."""
+    """The bank angle between two nodes, the heat flux at one."""
     highest = float(np.abs(centre.states[6]).max())
-    bank = limited(mission, bank_angle=highest - np.radians(2.0))
+    # between the nodes the robust iteration takes a part of what is tolerated, the more the tighter
+    # the limit is; test_nlp_witness compares with IPOPT, which does not
+    bank = limited(mission, bank_angle=highest - np.radians(0.05))
     found = alone(bank, centre)
-    assert_the_same(found, robust(bank, centre))
     assert found is not None
-    assert np.abs(found.states[6]).max() == pytest.approx(bank.limits.bank_angle, rel=1e-5)
+    assert found.cost == pytest.approx(robust(bank, centre).cost, rel=1e-6)
+    between = radau_transcription(centre.mesh).between @ found.states[6]
+    assert np.abs(between).max() == pytest.approx(bank.limits.bank_angle, rel=1e-9)
     assert found.cost > centre.cost
 
-    used = reintegrate(mission, centre).fine_path[0, 1].max()
-    cold = limited(mission, heat_flux=0.98 * used * mission.limits.heat_flux)
+    used = reintegrate(mission, centre).fine_path[0, 1].max() * mission.limits.heat_flux
+    for share in (0.9995, 0.98):
+        cool = limited(mission, heat_flux=share * used)
+        found = alone(cool, centre)
+        assert_the_same(found, robust(cool, centre))
+        assert found is not None
+        assert found.cost > centre.cost
+        assert max(found.statistics.limit_excess) < 1e-6
+    cold = limited(mission, heat_flux=0.8 * used)
     assert alone(cold, centre) is None
 
 
@@ -205,17 +216,15 @@ Batch = SimpleNamespace  # flight, points (of two cases), guesses, begin: a run 
 def pair(
     request: pytest.FixtureRequest,
     flight: Flight,
-    constant_bank_point: Point,
     optimum: Point,
 ) -> Batch:
     """Two cases of one problem; `drifting` has physics that depend on time to the end."""
-    ends = [optimum, constant_bank_point]
     if request.param == "drifting":
-        flight, point = request.getfixturevalue("drifting")
-        there = replace(point.iterate, bank_rate=point.iterate.bank_rate + 0.02)
-        moved = flight.restore(there, None)
-        assert moved is not None
-        ends = [point, moved]
+        flight, optimum = request.getfixturevalue("drifting")
+    here = optimum.iterate
+    moved = flight.restore(replace(here, bank_rate=0.98 * here.bank_rate + 1e-3), None)
+    assert moved is not None
+    ends = [optimum, moved]
     problem, scale = flight.problem, np.array(flight.problem.scaling.states)
     guesses = [
         NodalGuess(
@@ -380,12 +389,18 @@ def test_with_the_matrices_of_the_point_the_simplified_step_is_newtons(pair: Bat
         run.points.final_time = run.points.final_time + 2.0
         noise = np.random.default_rng(9).normal(scale=1e-3, size=run.points.u.shape)
         run.points.u = run.points.u + noise
-    assert_the_steps_are_the_same(*runs)
+    assert_the_steps_are_the_same(*runs, bounds=np.inf)
 
 
-def assert_the_steps_are_the_same(run: NewtonIteration, other: NewtonIteration) -> None:
+def assert_the_steps_are_the_same(
+    run: NewtonIteration, other: NewtonIteration, bounds: float | None = None
+) -> None:
     """Newton's step of one, and the simplified one of its twin that holds the same rows."""
-    size = run.newton_step(NewtonSystem.of(run.points, run.multipliers))
+    system = NewtonSystem.of(run.points, run.multipliers)
+    if bounds is not None:
+        all_ = np.full_like(system.rows.lower, bounds)
+        system = replace(system, rows=replace(system.rows, lower=-all_, upper=all_))
+    size = run.newton_step(system)
     assert np.all(size > 1e-3)
     system = NewtonSystem.of(other.points, other.multipliers)
     other.multipliers.side = run.multipliers.side.copy()

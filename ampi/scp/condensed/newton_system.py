@@ -6,11 +6,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg.lapack import dpotrf, dpotrs
 
 from ampi.physics.state import N_STATES
 from ampi.scp.condensed.condensing import Cases, CondensedDynamics
-from ampi.scp.condensed.convexify import STIFF
 from ampi.scp.condensed.cost import (
     add_rate_curvature,
     integrand_gradient,
@@ -18,11 +16,15 @@ from ampi.scp.condensed.cost import (
     smooth_gradient,
 )
 from ampi.scp.condensed.curvature import Curvature
+from ampi.scp.condensed.dual_steps import LimitedStep
+from ampi.scp.condensed.kkt_factors import KktFactors
 from ampi.scp.condensed.limit_rows import LimitRows, Sides, following
 from ampi.scp.condensed.points import Points, zero_states
 from ampi.tracing.dynamics import entries
 
 Array = NDArray[np.float64]
+
+AT_ONCE = 5  # exchanges of all rows that should come or go, before they do so one after the other
 
 
 @dataclass(eq=False)
@@ -108,7 +110,10 @@ class NewtonSystem:
         changes = np.zeros((N_STATES, *points.x.shape[1:]))
         z, on_target = np.full_like(gradient, np.nan), np.full_like(errors, np.nan)
         on_limits, pending = np.zeros_like(value), points.everyone
-        for _ in range(set_changes):
+        for exchange in range(AT_ONCE + 1):
+            if exchange == AT_ONCE:
+                for case in pending:
+                    self._one_by_one(case, side, gradient, errors, value, set_changes)
             for case in pending:
                 self.factors[case] = self._factored(case, side[case])
                 found = self.held_solution(
@@ -116,8 +121,7 @@ class NewtonSystem:
                 )
                 z[case], on_target[case], on_limits[case] = found
             changes[:, pending] = change = self.condensed.change(z[pending], pending)
-            rate = points.transcription.nodal_rate(z[pending, :-2])
-            there = value[pending] + rows.moved(change, rate, z[pending, -2], pending)
+            there = value[pending] + self.moved(z[pending], change, pending)
             bounds = (rows.lower[pending], rows.upper[pending])
             now = following(side[pending], on_limits[pending], there, *bounds)
             changed = (now != side[pending]).any(axis=1)
@@ -127,6 +131,34 @@ class NewtonSystem:
                 break
         z[pending] = np.nan
         return z, changes, on_target, on_limits
+
+    def moved(self, z: Array, change: Array, cases: Cases) -> Array:
+        """What z (k, n_z) adds to the values of the limits' rows, with `change` = Z z."""
+        rate = self.points.transcription.nodal_rate(z[:, :-2])
+        return self.rows.moved(change, rate, z[:, -2], cases)
+
+    def _one_by_one(
+        self, case: int, side: Sides, gradient: Array, errors: Array, value: Array, most: int
+    ) -> None:
+        """Set `side` of one case by dual steps, if they settle."""
+        own, none = np.array([case]), np.zeros_like(side[case])
+
+        def values(z: Array) -> Array:
+            return np.asarray(self.moved(z[None], self.condensed.change(z[None], own), own)[0])
+
+        limited = LimitedStep(
+            factored=lambda held: self._factored(case, held),
+            row=lambda row: self.rows.matrix(case, np.array([row]))[0],
+            values=values,
+            lower=self.rows.lower[case],
+            upper=self.rows.upper[case],
+            always=errors.shape[1],
+        )
+        self.factors[case] = self._factored(case, none)
+        z, _, _ = self.held_solution(case, none, gradient[case], errors[case], value[case])
+        if np.isfinite(z[0]):
+            found = limited.side(value[case] + values(z), most)
+            side[case] = none if found is None else found
 
     def held_solution(
         self, case: int, side: Sides, gradient: Array, errors: Array, value: Array
@@ -144,6 +176,8 @@ class NewtonSystem:
     def _factored(self, case: int, side: Sides) -> KktFactors | None:
         held = np.flatnonzero(side)
         kkt, compliance = self.held_map[case], self.compliance[case]
+        if len(kkt) + len(held) > len(self.hessian[case]):
+            return None  # rows that depend on each other
         if len(held):
             kkt = np.concatenate([kkt, self.rows.matrix(case, held)])
             compliance = np.concatenate([compliance, np.zeros(len(held))])
@@ -177,45 +211,3 @@ def _second_order(
     if problem.entry_bank_angle is not None:
         hessian[:, -1, -1] += 1.0  # δσ₀ moves nothing: so it is zero
     return curvature, hessian
-
-
-@dataclass(frozen=True, eq=False)
-class KktFactors:
-    """Of Eq. (1) for one case, K the rows of the target and those of the limits that are held.
-
-    With some of the rows' stiffness, S = H + Kᵀ s K = L Lᵀ and B = I − s/2w, Eq. (1) is
-
-        (K S⁻¹ Kᵀ B + 1/2w) λ = e − K S⁻¹ (g + Kᵀ s e),   z = −S⁻¹ (g + Kᵀ s e + Kᵀ B λ),
-
-    and one Cholesky factor is both the solution and the test.
-    """
-
-    cholesky: Array  # L
-    rows: Array  # K, (r, n_z)
-    stiff: Array  # s, (r,)
-    left: Array  # B, (r,)
-    spread: Array  # S⁻¹ Kᵀ, (n_z, r)
-    schur: Array  # of λ, (r, r)
-
-    @classmethod
-    def of(cls, hessian: Array, rows: Array, compliance: Array) -> KktFactors | None:
-        """None unless H is positive definite under the rows; `compliance` is 1/2w, (r,)."""
-        norms = np.einsum("ij,ij->i", rows, rows)
-        with np.errstate(all="ignore"):
-            stiff = np.minimum(STIFF * float(np.linalg.norm(hessian)) / norms, 1.0 / compliance)
-            cholesky, info = dpotrf(hessian + (rows.T * stiff) @ rows, lower=1)
-        if info != 0:
-            return None
-        spread, left = dpotrs(cholesky, rows.T, lower=1)[0], 1.0 - stiff * compliance
-        schur = (rows @ spread) * left + np.diag(compliance)
-        return cls(cholesky, rows, stiff, left, spread, schur)
-
-    def solution(self, gradient: Array, error: Array) -> tuple[Array, Array]:
-        """z and λ; not a number where the rows depend on each other."""
-        right = gradient + (self.stiff * error) @ self.rows
-        half = dpotrs(self.cholesky, right, lower=1)[0]
-        try:
-            multipliers = np.linalg.solve(self.schur, error - self.rows @ half)
-        except np.linalg.LinAlgError:
-            return np.full_like(gradient, np.nan), np.full_like(error, np.nan)
-        return -half - self.spread @ (self.left * multipliers), multipliers

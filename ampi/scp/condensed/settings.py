@@ -24,7 +24,7 @@ class NewtonSettings:
     fast: float = 0.1
     contraction: float = 0.5  # of the step from one iteration to the next, at least
     largest_step: float = 0.3  # rad: what is farther away is no neighbour
-    set_changes: int = 15  # of the limits that are held, with the same matrices
+    set_changes: int = 40  # of the limits that are held, with the same matrices
     limit_error: float = 1e-6  # of a limit at a solution, relative
 
 
