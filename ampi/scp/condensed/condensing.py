@@ -259,12 +259,6 @@ def condense(
         block[..., -2:] = (carried @ start[:, :, -2:]).reshape(shape)
         block[..., -2] += solved[:, -1].reshape(shape[:3])
         inverses.append(inverse)
-    turning = np.zeros((cases, n - 1, 1, len(MOVING)))
-    for i, state in enumerate(MOVING):
-        if (LONGITUDE, state) in jacobian:
-            turning[:, :, 0, i] = jacobian[LONGITUDE, state]
-    longitude_rate = (turning @ moving[:, 1:])[:, :, 0]
-    longitude_rate[:, :, -2] += by_time[LONGITUDE]
     return CondensedDynamics(
         transcription=t,
         derivatives=derivatives,
@@ -274,10 +268,21 @@ def condense(
         time_derivative=time_derivative,
         inverses=tuple(inverses),
         moving=moving,
-        longitude_rate=longitude_rate,
+        longitude_rate=_longitude_rate(jacobian, moving, by_time),
         final_time_scale=final_time_scale,
         rate_scale=rate_scale,
     )
+
+
+def _longitude_rate(jacobian: Entries, moving: Array, by_time: Array) -> Array:
+    """Rows over z whose running integral is Z of the longitude, (c, n − 1, n_z)."""
+    turning = np.zeros((*by_time.shape[1:], 1, len(MOVING)))
+    for i, state in enumerate(MOVING):
+        if (LONGITUDE, state) in jacobian:
+            turning[:, :, 0, i] = jacobian[LONGITUDE, state]
+    rows = (turning @ moving[:, 1:])[:, :, 0]
+    rows[:, :, -2] += by_time[LONGITUDE]
+    return np.asarray(rows)
 
 
 def with_final_time(

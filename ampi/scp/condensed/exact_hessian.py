@@ -125,13 +125,7 @@ class ExactHessianIteration:
                 self.weights.accept(before, multipliers.target, multipliers.limits)
             self.record(iteration, point, best.step, size, ratio, accepted)
             if small and accepted and not self.grow_penalties(point):
-                status = verdict(
-                    self.settings.convergence,
-                    self.problem,
-                    point.iterate.states[-1],
-                    point.excess,
-                    bought_off=bool(self.elastic().any()),
-                )
+                status = self.status_of(point, bought_off=bool(self.elastic().any()))
                 break
             if not small:
                 self.region.update(ratio, size)
@@ -144,11 +138,13 @@ class ExactHessianIteration:
         if self.fallback is not None and status not in (Status.SOLVED, *_CONVERGED):
             # no dearer price led anywhere: the flight that had converged before it is the answer
             point = self.fallback
-            final = point.iterate.states[-1]
-            status = verdict(
-                self.settings.convergence, self.problem, final, point.excess, bought_off=True
-            )
+            status = self.status_of(point, bought_off=True)
         return self.result(point, status)
+
+    def status_of(self, point: Point, *, bought_off: bool) -> Status:
+        """Of a converged point."""
+        settings, final = self.settings.convergence, point.iterate.states[-1]
+        return verdict(settings, self.problem, final, point.excess, bought_off=bought_off)
 
     def elastic(self) -> NDArray[np.bool_]:
         """Rows of the target that the last step bought off."""

@@ -30,6 +30,7 @@ from ampi.scp.condensed.cost import (
 from ampi.scp.condensed.curvature import Curvature
 from ampi.scp.condensed.iterate import ONE, Flight, Point
 from ampi.scp.condensed.subproblem import ConvexSubproblem, Step
+from ampi.scp.condensed.transcription import RadauTranscription
 from ampi.scp.problem.scaled_problem import OptimalControlProblem
 from ampi.tracing.dynamics import entries
 
@@ -104,14 +105,10 @@ def quadratic_subproblem(
 
     node, kind = np.nonzero(point.path > settings.screening)
     path_rows = condensed.rows(0, node, _limit_gradients(condensed, problem.n_limits)[kind, node])
-    n_u, n_z = len(iterate.bank_rate), condensed.n_variables
     bank, limit = iterate.states[:, BANK], problem.bank_limit
     # the polynomial overshoots its nodes where it comes to the limit
     near = np.flatnonzero(np.abs(t.between @ bank) > settings.bank_screening * limit)
     bank_map = np.vstack([np.eye(len(bank)), t.between[near]])
-    rate_rows = np.zeros((n_u + 1, n_z))
-    rate_rows[0, : len(t.entry_rate)] = t.entry_rate
-    rate_rows[1:, :n_u] = np.eye(n_u)
     return ConvexSubproblem(
         hessian=hessian,
         gradient=_gradient(flight, point, condensed),
@@ -122,7 +119,7 @@ def quadratic_subproblem(
         target_map=target_map,
         target_error=point.target_error,
         target_price=np.zeros(len(target)),
-        rate_rows=rate_rows,
+        rate_rows=_rate_rows(t, condensed.n_variables),
         rate=t.nodal_rate(iterate.bank_rate[None])[0],
         entry_rate=problem.entry_rate,
         bank_map=bank_map,
@@ -131,7 +128,7 @@ def quadratic_subproblem(
         # order of a step has left, and must not go on
         bank_lower=np.minimum(-limit - bank_map @ bank, 0.0),
         bank_upper=np.maximum(limit - bank_map @ bank, 0.0),
-        final_time_column=n_u,
+        final_time_column=len(iterate.bank_rate),
         radius=np.inf,
         path_rows=path_rows,
         path_room=1.0 - point.path[node, kind],
@@ -140,6 +137,14 @@ def quadratic_subproblem(
         n_limits=problem.n_limits,
         limit_penalty=0.0,
     )
+
+
+def _rate_rows(t: RadauTranscription, n_z: int) -> Array:
+    """δû at every node over z, (n, n_z)."""
+    rows = np.zeros((n_z - 1, n_z))
+    rows[0, : len(t.entry_rate)] = t.entry_rate
+    rows[1:, :-2] = np.eye(n_z - 2)
+    return rows
 
 
 def with_merit(

@@ -145,6 +145,21 @@ def _on_error(problem: ConvexSubproblem) -> tuple[Array, Array, NDArray[np.intp]
     return rows, bounds, exact
 
 
+def _cost(problem: ConvexSubproblem, width: int) -> tuple[Array, Array]:
+    """P, upper triangular, and q over all columns of Eq. (1)."""
+    n_z, targets, k = len(problem.gradient), len(problem.target_error), len(problem.absolute_value)
+    e, v = n_z, n_z + targets
+    y = v + 2 * targets
+    quadratic, linear = np.zeros((width, width)), np.zeros(width)
+    quadratic[:n_z, :n_z] = np.triu(problem.hessian)
+    quadratic[np.arange(e, v), np.arange(e, v)] = 2.0 * problem.target.weight
+    linear[:n_z] = problem.gradient
+    linear[v:y] = np.tile(problem.target_price, 2)
+    linear[y : y + k] = problem.absolute_weight
+    linear[y + k :] = problem.limit_penalty
+    return quadratic, linear
+
+
 def solve_subproblem(problem: ConvexSubproblem) -> Step:
     """Solve Eq. (1) with Clarabel."""
     n_z, n, m = len(problem.gradient), len(problem.rate), len(problem.path_room)
@@ -179,14 +194,7 @@ def solve_subproblem(problem: ConvexSubproblem) -> Step:
     right[:targets] = -problem.target_error
     right[on_z:signs] = np.concatenate([bounds, range_bounds])
 
-    quadratic = np.zeros((width, width))
-    quadratic[:n_z, :n_z] = np.triu(problem.hessian)
-    quadratic[np.arange(e, v), np.arange(e, v)] = 2.0 * problem.target.weight
-    linear = np.zeros(width)
-    linear[:n_z] = problem.gradient
-    linear[v:y] = np.tile(problem.target_price, 2)
-    linear[y:s] = problem.absolute_weight
-    linear[s:] = problem.limit_penalty
+    quadratic, linear = _cost(problem, width)
     solution = solve_cone_program(
         sparse.csc_array(quadratic),
         linear,

@@ -54,76 +54,72 @@ def solve_subproblem_cvxpy(
     Step
         As from `solve_subproblem`. Without a solution `z` is NaN and `usable` False.
     """
-    n_targets = len(problem.target_error)
-    z = cp.Variable(len(problem.gradient), name="z")
-    e = cp.Variable(n_targets, name="e")
-    v_plus = cp.Variable(n_targets, name="v_plus")
-    v_minus = cp.Variable(n_targets, name="v_minus")
+    # cvxpy overloads numpy's operators; type checkers see arrays where it builds expressions.
+    z: Any = cp.Variable(len(problem.gradient), name="z")
+    e, v_plus, v_minus = (
+        cp.Variable(len(problem.target_error), name=name) for name in ("e", "v_plus", "v_minus")
+    )
     s = cp.Variable(problem.n_limits, name="s")
     y = cp.Variable(max(len(problem.absolute_value), 1), name="y")
-
     cost = 0.5 * cp.quad_form(z, cp.psd_wrap(problem.hessian)) + problem.gradient @ z
-    miss = problem.target.weight @ cp.square(e) + problem.target_price @ (v_plus + v_minus)
-    excess = problem.limit_penalty * cp.sum(s)
-
-    # cvxpy overloads numpy's operators; type checkers see arrays where it builds expressions.
-    rate_change: Any = problem.rate_rows @ z
-    rate_lower, rate_upper = problem.rate_bounds
-    bank_change: Any = problem.bank_rows @ z
+    cost += problem.target.weight @ cp.square(e) + problem.target_price @ (v_plus + v_minus)
+    cost += problem.limit_penalty * cp.sum(s)
     target: Any = problem.target_map @ z + problem.target_error == e + v_plus - v_minus
-    bank_lower = bank_change >= problem.bank_lower
-    bank_upper = bank_change <= problem.bank_upper
-    constraints: list[cp.Constraint] = [
-        target,
-        rate_change <= rate_upper,
-        rate_change >= rate_lower,
-        bank_lower,
-        bank_upper,
-        cp.abs(z[problem.final_time_column]) <= problem.radius,
-        v_plus >= 0.0,
-        v_minus >= 0.0,
-        s >= 0.0,
-    ]
+    bank = _between(problem.bank_lower, problem.bank_rows @ z, problem.bank_upper)
+    rate_lower, rate_upper = problem.rate_bounds
+    constraints: list[Any] = [target, *bank, v_plus >= 0.0, v_minus >= 0.0, s >= 0.0]
+    constraints += _between(rate_lower, problem.rate_rows @ z, rate_upper)
+    constraints.append(cp.abs(z[problem.final_time_column]) <= problem.radius)
     bounded = np.flatnonzero(np.isfinite(problem.target.lower))
     if len(bounded) > 0:
-        constraints += [
-            e[bounded] >= problem.target.lower[bounded],
-            e[bounded] <= problem.target.upper[bounded],
-        ]
-    above: Any = None
-    below: Any = None
+        lower, upper = problem.target.lower[bounded], problem.target.upper[bounded]
+        constraints += _between(lower, e[bounded], upper)
+    absolute: list[Any] = []
     if len(problem.absolute_value) > 0:
         inside: Any = problem.absolute_value + problem.absolute_rows @ z
-        above, below = inside <= y, -inside <= y
+        absolute = [inside <= y, -inside <= y]
         cost += problem.absolute_weight @ y
-        constraints += [above, below]
-    path: Any = None
+    path: list[Any] = []
     if len(problem.path_room) > 0:
-        path = problem.path_rows @ z <= problem.path_room + s[problem.path_kind]
-        constraints.append(path)
-    if extra_constraints is not None:
-        constraints.extend(extra_constraints(z))
+        path = [problem.path_rows @ z <= problem.path_room + s[problem.path_kind]]
+    own = [] if extra_constraints is None else extra_constraints(z)
 
     if solver not in cp.installed_solvers():
         raise ValueError(f"solver: expected one of {cp.installed_solvers()}, got {solver!r}")
-    program = cp.Problem(cp.Minimize(cost + miss + excess), constraints)
+    program = cp.Problem(cp.Minimize(cost), [*constraints, *absolute, *path, *own])
     try:
         program.solve(solver=solver)
     except cp.error.SolverError:  # the solver gave up: an outcome, not a misuse
         return _unsolved(problem, "solver_error")
     if z.value is None or s.value is None:
         return _unsolved(problem, str(program.status))
+    return _step(program, z, s, target, bank, path, absolute)
+
+
+def _step(
+    program: cp.Problem,
+    z: Any,
+    s: Any,
+    target: Any,
+    bank: list[Any],
+    path: list[Any],
+    absolute: list[Any],
+) -> Step:
     return Step(
         z=np.asarray(z.value),
         slack=np.maximum(s.value, 0.0),
         target_multiplier=np.asarray(target.dual_value),
-        bank_multiplier=np.asarray(bank_upper.dual_value - bank_lower.dual_value),
-        path_multiplier=np.zeros(0) if path is None else np.asarray(path.dual_value),
+        bank_multiplier=np.asarray(bank[1].dual_value - bank[0].dual_value),
+        path_multiplier=np.asarray(path[0].dual_value) if path else np.zeros(0),
         absolute_multiplier=(
-            np.zeros(0) if above is None else np.asarray(above.dual_value - below.dual_value)
+            np.asarray(absolute[0].dual_value - absolute[1].dual_value) if absolute else np.zeros(0)
         ),
         status=STATUS.get(program.status, str(program.status)),
     )
+
+
+def _between(lower: Any, value: Any, upper: Any) -> list[Any]:
+    return [value >= lower, value <= upper]
 
 
 def _unsolved(problem: ConvexSubproblem, status: str) -> Step:
