@@ -52,13 +52,11 @@ def solve_subproblem_cvxpy(
     Returns
     -------
     Step
-        As from `solve_subproblem`. Without a solution `z` is NaN and `usable` False.
+        As from `solve_subproblem`; without a solution not `usable`.
     """
     # cvxpy overloads numpy's operators; type checkers see arrays where it builds expressions.
     z: Any = cp.Variable(len(problem.gradient), name="z")
-    e, v_plus, v_minus = (
-        cp.Variable(len(problem.target_error), name=name) for name in ("e", "v_plus", "v_minus")
-    )
+    e, v_plus, v_minus = (cp.Variable(len(problem.target_error)) for _ in range(3))
     s = cp.Variable(problem.n_limits, name="s")
     y = cp.Variable(max(len(problem.absolute_value), 1), name="y")
     cost = 0.5 * cp.quad_form(z, cp.psd_wrap(problem.hessian)) + problem.gradient @ z
