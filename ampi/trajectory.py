@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from enum import IntEnum
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ampi.missions.path_limits import KEPT
+from ampi.outcome import Outcome
 from ampi.physics.state import N_STATES
 from ampi.pseudospectral.mesh import Mesh
 
@@ -18,31 +18,30 @@ Array = NDArray[np.float64]
 POSITION_TOLERANCE = 50.0  # m: a flight farther from the nodes is not the one that was optimised
 
 
-class Status(IntEnum):
+class Status(Outcome):
     """How a solve ended. The numbers are stored in the database and never change their meaning."""
 
-    SOLVED = 0
-    TARGET_MISSED = 1
-    LIMITS_EXCEEDED = 2
-    ITERATION_LIMIT = 3
-    STALLED = 4
-    SUBPROBLEM_FAILED = 5
-    GUESS_FAILED = 6
-    ERROR = 7
-    REFINEMENT_LIMIT = 8
-    INACCURATE = 9
-    TIME_LIMIT = 10
-
-    def __str__(self) -> str:
-        return self.name
-
-    def __format__(self, spec: str) -> str:
-        return format(int(self), spec) if spec.endswith("d") else format(self.name, spec)
-
-    @property
-    def sentence(self) -> str:
-        """One sentence for logs, files and pages."""
-        return _SENTENCES[self]
+    SOLVED = (
+        0,
+        "Converged: optimal, the target met within its tolerances, every limit kept.",
+    )
+    TARGET_MISSED = 1, "Converged, but the flight ends outside the tolerances of the target."
+    LIMITS_EXCEEDED = 2, "Converged, but a path limit cannot be kept; the excess is reported."
+    ITERATION_LIMIT = 3, "Stopped at the iteration limit before the step became small."
+    STALLED = (
+        4,
+        "Stopped: the trust region collapsed without a step that improves the merit.",
+    )
+    SUBPROBLEM_FAILED = 5, "Stopped: the convex subproblem returned no usable step."
+    GUESS_FAILED = 6, "Not started: the initial guess could not be flown on this mesh."
+    ERROR = 7, "Not solved: the case raised an error; see its log."
+    REFINEMENT_LIMIT = 8, "Converged, but mesh refinement reached a cap before its tolerance."
+    INACCURATE = (
+        9,
+        "Converged at the nodes, but between them the flight is another, or exceeds a limit: "
+        "refine the mesh, or ask for a margin.",
+    )
+    TIME_LIMIT = 10, "Stopped at the time limit before the step became small."
 
     @property
     def ok(self) -> bool:
@@ -59,24 +58,6 @@ class Status(IntEnum):
             Status.REFINEMENT_LIMIT,
             Status.INACCURATE,
         )
-
-
-_SENTENCES = {
-    Status.SOLVED: "Converged: optimal, the target met within its tolerances, every limit kept.",
-    Status.TARGET_MISSED: "Converged, but the flight ends outside the tolerances of the target.",
-    Status.LIMITS_EXCEEDED: "Converged, but a path limit cannot be kept; the excess is reported.",
-    Status.ITERATION_LIMIT: "Stopped at the iteration limit before the step became small.",
-    Status.TIME_LIMIT: "Stopped at the time limit before the step became small.",
-    Status.STALLED: "Stopped: the trust region collapsed without a step that improves the merit.",
-    Status.SUBPROBLEM_FAILED: "Stopped: the convex subproblem returned no usable step.",
-    Status.GUESS_FAILED: "Not started: the initial guess could not be flown on this mesh.",
-    Status.REFINEMENT_LIMIT: "Converged, but mesh refinement reached a cap before its tolerance.",
-    Status.INACCURATE: (
-        "Converged at the nodes, but between them the flight is another, or exceeds a limit: refine the "
-        "mesh, or ask for a margin."
-    ),
-    Status.ERROR: "Not solved: the case raised an error; see its log.",
-}
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
-from enum import IntEnum
 from functools import cached_property
 from typing import Any
 
@@ -21,6 +20,7 @@ from ampi.guidance import Guidance
 from ampi.missions.family import MissionFamily
 from ampi.missions.path_limits import PathLimits
 from ampi.onboard.row_layout import RowLayout
+from ampi.outcome import Outcome
 from ampi.physics.equations_of_motion import FlightModel, equations_of_motion
 from ampi.physics.state import ALTITUDE, BANK, N_STATES, SPEED
 from ampi.propagation.fixed_step import rk4_step
@@ -37,31 +37,14 @@ LONGEST = (
 )
 
 
-class FlightStatus(IntEnum):
+class FlightStatus(Outcome):
     """How a flight ended."""
 
-    REACHED_SPEED = 0
-    GROUND = 1
-    TIME_LIMIT = 2
-    NOT_FINITE = 3
-    STARTED_SLOW = 4  # the entry speed is not above the target speed
-
-    def __str__(self) -> str:
-        return self.name
-
-    @property
-    def sentence(self) -> str:
-        """One sentence for logs and pages."""
-        return _SENTENCES[self]
-
-
-_SENTENCES = {
-    FlightStatus.REACHED_SPEED: "The flight reached the target speed.",
-    FlightStatus.GROUND: "The flight met the ground before it reached the target speed.",
-    FlightStatus.TIME_LIMIT: "The flight took twice as long as its reference.",
-    FlightStatus.NOT_FINITE: "Its state or its parameters were no numbers.",
-    FlightStatus.STARTED_SLOW: "It entered no faster than the target speed.",
-}
+    REACHED_SPEED = 0, "The flight reached the target speed."
+    GROUND = 1, "The flight met the ground before it reached the target speed."
+    TIME_LIMIT = 2, "The flight took twice as long as its reference."
+    NOT_FINITE = 3, "Its state or its parameters were no numbers."
+    STARTED_SLOW = 4, "It entered no faster than the target speed."
 
 
 @dataclass(frozen=True, eq=False)
