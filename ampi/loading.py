@@ -35,10 +35,12 @@ def guidance_table(dataset: TrajectoryDataset, holes: Holes = "refuse") -> Guida
     missing = np.flatnonzero(~solved.ravel())
     if len(missing) and (holes == "refuse" or not solved.any()):
         first = int(missing[0])
-        message = dataset.message.ravel()[first].decode("utf-8", "replace")
+        told = (
+            dataset.message.ravel()[first].decode("utf-8", "replace").split("; ")
+        )  # every attempt
         raise DatasetError(
             f"{len(missing)} of {solved.size} cases have no solution, the first is case "
-            f"{first}: {message.rstrip('.')}. A table with holes cannot fly unless it is asked to "
+            f"{first}: {told[0].rstrip('.')}. A table with holes cannot fly unless it is asked to "
             "(holes='fly', --holes fly); or leave them out with: ampi crop"
         )
     rows = LINEAR_TRACKING.stacked(

@@ -66,7 +66,9 @@ def audit(
 
 
 def _print_truth(report: AuditReport, path: Path) -> None:
-    statuses = ", ".join(f"{n} {name.lower()}" for name, n in report.statuses.items())
+    statuses = ", ".join(
+        f"{n} {name.lower().replace('_', ' ')}" for name, n in report.statuses.items()
+    )
     out.print(f"{escaped(path)}: {report.cases} cases: {statuses}")
     table = Table("against re-integration (DOP853)", "median", "90 %", "worst")
     for label, error in (
@@ -84,8 +86,8 @@ def _print_truth(report: AuditReport, path: Path) -> None:
 
 
 def _print_interpolation(report: AuditReport) -> None:
-    if report.probes:
-        measured = report.probes - report.hidden_probes - report.unsolved_probes
+    measured = report.probes - report.hidden_probes - report.unsolved_probes
+    if measured:
         table = Table(
             f"interpolation, 90 % of {measured} points",
             "altitude (m)",

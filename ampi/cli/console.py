@@ -48,7 +48,7 @@ def _without_nan(value: Any) -> Any:
 def print_summary(summary: Mapping[str, str | float]) -> None:
     """A line for each number of a trajectory's summary."""
     for key, value in summary.items():
-        out.print(f"  {key:34} {value if isinstance(value, str) else f'{value:.8g}'}")
+        out.print(f"  {key:34} {value if isinstance(value, str) else known(value, '.8g')}")
 
 
 def known(value: float, digits: str = ".3g") -> str:

@@ -176,7 +176,7 @@ def points_on(mesh: Mesh, longest: float, spacing: float) -> _Points:
     for s in mesh.segments:
         half = np.array(s.half_length)
         gaps = 2.0 * (half[0] + half[1] * horizon) / spacing
-        count = 2 ** max(0, int(np.ceil(np.log2(gaps))))
+        count = 2 ** int(np.ceil(np.log2(max(1.0, gaps))))  # no other points for a spacing of ∞
         tau = np.union1d(np.linspace(-1.0, 1.0, count + 1), s.rule.nodes)
         rows = np.zeros((2, len(tau), mesh.n_nodes))
         rows[0][:, s.nodes] = interpolation_matrix(s.rule.nodes, s.rule.barycentric, tau)

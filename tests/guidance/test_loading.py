@@ -90,9 +90,10 @@ def test_a_file_that_is_not_there_is_named(tmp_path: Path) -> None:
 def test_a_hole_is_counted_and_its_message_told(database_file: Path) -> None:
     dataset = read_dataset(database_file)
     dataset.status[2, 1] = 3
-    dataset.message[2, 1] = b"stopped for a reason"
+    dataset.message[2, 1] = b"stopped for a reason; from elsewhere: stopped again"
     with pytest.raises(
-        DatasetError, match=r"1 of 9 cases have no solution, the first is case 7: stopped for a r"
+        DatasetError,
+        match=r"1 of 9 cases have no solution, the first is case 7: stopped for a reason\. A table",
     ):
         guidance_table(dataset)
 
