@@ -45,10 +45,9 @@ class ConeStatus(StrEnum):
     @property
     def is_usable(self) -> bool:
         """Whether the point may be taken: its residuals are small, though perhaps not as asked."""
-        return self in USABLE
+        return self in (self.SOLVED, self.ALMOST_SOLVED, self.INSUFFICIENT_PROGRESS)
 
 
-USABLE = (ConeStatus.SOLVED, ConeStatus.ALMOST_SOLVED, ConeStatus.INSUFFICIENT_PROGRESS)
 _OF_CVXPY = {
     "optimal": ConeStatus.SOLVED,
     "optimal_inaccurate": ConeStatus.ALMOST_SOLVED,

@@ -10,7 +10,9 @@ import pytest
 
 GROUND = ("scipy", "casadi", "h5py", "clarabel", "cvxpy", "joblib", "pydantic", "numba")
 FLIES = ("ampi.onboard", "ampi.tracking", "ampi.guidance")
-PARTS = ("onboard.reference", "onboard.table", "onboard.subspace", "onboard.interpolation")
+PARTS = tuple(
+    f"onboard.{name}" for name in ("reference", "table", "row_layout", "subspace", "interpolation")
+)
 LAWS = ("tracking.bank_limiter", "tracking.linear_quadratic", "guidance")
 
 PROGRAM = """

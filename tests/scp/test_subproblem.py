@@ -22,6 +22,7 @@ from ampi.scp.condensed.quadratic_model import (
 )
 from ampi.scp.condensed.subproblem import ConvexSubproblem, Step, solve_subproblem
 from ampi.scp.condensed.subproblem_cvxpy import solve_subproblem_cvxpy
+from ampi.scp.cone_program import ConeStatus
 from ampi.scp.problem.scaled_problem import OptimalControlProblem, Target
 
 Array = NDArray[np.float64]
@@ -299,7 +300,7 @@ def test_a_solver_that_gives_up_is_a_status(
 
     monkeypatch.setattr(cp.Problem, "solve", gives_up)
     step = solve_subproblem_cvxpy(convex)
-    assert step.status == "solver_error"
+    assert step.status is ConeStatus.NUMERICAL_ERROR
     assert not step.usable
 
 
@@ -320,7 +321,7 @@ def test_a_further_constraint_is_kept_and_costs(convex: ConvexSubproblem) -> Non
 def test_a_contradiction_is_a_status(convex: ConvexSubproblem) -> None:
     step = solve_subproblem_cvxpy(convex, extra_constraints=lambda z: [z[0] >= 1.0, z[0] <= -1.0])
     assert not step.usable
-    assert step.status == "infeasible"
+    assert step.status is ConeStatus.PRIMAL_INFEASIBLE
     assert np.all(np.isnan(step.z))
     assert step.path_multiplier.shape == convex.path_room.shape
 
@@ -338,5 +339,7 @@ def test_a_contradiction_is_a_status(convex: ConvexSubproblem) -> None:
 )
 def test_which_steps_may_be_tried(status: str, z: float, usable: bool) -> None:
     empty = np.zeros(0)
-    step = Step(np.array([z]), np.zeros(3), np.zeros(4), np.zeros(1), empty, empty, status)
+    step = Step(
+        np.array([z]), np.zeros(3), np.zeros(4), np.zeros(1), empty, empty, ConeStatus(status)
+    )
     assert step.usable is usable

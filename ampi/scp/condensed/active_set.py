@@ -31,6 +31,7 @@ from numpy.typing import NDArray
 from scipy.linalg.lapack import dpotrf, dtrtrs
 
 from ampi.scp.condensed.subproblem import ConvexSubproblem, Step
+from ampi.scp.cone_program import ConeStatus
 
 Array = NDArray[np.float64]
 
@@ -119,5 +120,5 @@ def _step(problem: ConvexSubproblem, z: Array, on_target: Array, on_rows: Array)
         bank_multiplier=on_rows[n : n + b],
         path_multiplier=on_path,
         absolute_multiplier=np.zeros(0),
-        status="Solved",
+        status=ConeStatus.SOLVED,
     )

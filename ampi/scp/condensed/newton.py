@@ -48,6 +48,7 @@ from ampi.scp.condensed.limit_rows import LimitRows, n_rows
 from ampi.scp.condensed.newton_system import Multipliers, NewtonSystem
 from ampi.scp.condensed.points import Points
 from ampi.scp.condensed.settings import SolverSettings
+from ampi.scp.cone_program import ConeStatus
 from ampi.scp.guess import NodalGuess
 from ampi.scp.problem.convergence import verdict
 from ampi.scp.problem.penalty import limit_excess
@@ -179,7 +180,7 @@ class NewtonIteration:
             *system.right_side(shift), multipliers.side, changes
         )
         size = points.take(points.everyone, z, change, shift)
-        self.record(points.everyone, size, "Solved")
+        self.record(points.everyone, size, ConeStatus.SOLVED)
         return size
 
     def simplified_steps(

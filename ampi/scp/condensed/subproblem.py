@@ -31,7 +31,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
 
-from ampi.scp.cone_program import USABLE, solve_cone_program
+from ampi.scp.cone_program import ConeStatus, solve_cone_program
 from ampi.scp.problem.scaled_problem import Target
 
 Array = NDArray[np.float64]
@@ -99,12 +99,12 @@ class Step:
     bank_multiplier: Array  # (b,), upper minus lower
     path_multiplier: Array  # (m,), ≥ 0
     absolute_multiplier: Array  # κ (k,), |κ| ≤ a
-    status: str
+    status: ConeStatus
 
     @property
     def usable(self) -> bool:
         """Whether `z` may be tried; the merit function decides whether it is kept."""
-        return self.status in USABLE and bool(np.all(np.isfinite(self.z)))
+        return self.status.is_usable and bool(np.all(np.isfinite(self.z)))
 
 
 def _on_z(problem: ConvexSubproblem) -> tuple[Array, Array]:

@@ -26,11 +26,7 @@ import cvxpy as cp
 import numpy as np
 
 from ampi.scp.condensed.subproblem import ConvexSubproblem, Step
-
-STATUS = {  # cvxpy's words in Clarabel's, which `Step.usable` knows
-    cp.OPTIMAL: "Solved",
-    cp.OPTIMAL_INACCURATE: "AlmostSolved",
-}
+from ampi.scp.cone_program import ConeStatus
 
 
 def solve_subproblem_cvxpy(
@@ -88,9 +84,9 @@ def solve_subproblem_cvxpy(
     try:
         program.solve(solver=solver)
     except cp.error.SolverError:  # the solver gave up: an outcome, not a misuse
-        return _unsolved(problem, "solver_error")
+        return _unsolved(problem, ConeStatus.NUMERICAL_ERROR)
     if z.value is None or s.value is None:
-        return _unsolved(problem, str(program.status))
+        return _unsolved(problem, ConeStatus.of_cvxpy(program.status))
     return _step(program, z, s, target, bank, path, absolute)
 
 
@@ -112,7 +108,7 @@ def _step(
         absolute_multiplier=(
             np.asarray(absolute[0].dual_value - absolute[1].dual_value) if absolute else np.zeros(0)
         ),
-        status=STATUS.get(program.status, str(program.status)),
+        status=ConeStatus.of_cvxpy(program.status),
     )
 
 
@@ -120,7 +116,7 @@ def _between(lower: Any, value: Any, upper: Any) -> list[Any]:
     return [value >= lower, value <= upper]
 
 
-def _unsolved(problem: ConvexSubproblem, status: str) -> Step:
+def _unsolved(problem: ConvexSubproblem, status: ConeStatus) -> Step:
     return Step(
         z=np.full(len(problem.gradient), np.nan),
         slack=np.full(problem.n_limits, np.nan),
