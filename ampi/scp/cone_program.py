@@ -38,14 +38,10 @@ class ConeStatus(StrEnum):
         return _OF_CVXPY.get(status, cls.NUMERICAL_ERROR)
 
     @property
-    def sentence(self) -> str:
-        """One sentence for logs."""
-        return _SENTENCES[self]
-
-    @property
     def is_usable(self) -> bool:
         """Whether the point may be taken: its residuals are small, though perhaps not as asked."""
-        return self in (self.SOLVED, self.ALMOST_SOLVED, self.INSUFFICIENT_PROGRESS)
+        usable = (ConeStatus.SOLVED, ConeStatus.ALMOST_SOLVED, ConeStatus.INSUFFICIENT_PROGRESS)
+        return self in usable
 
 
 _OF_CVXPY = {
@@ -56,20 +52,6 @@ _OF_CVXPY = {
     "unbounded": ConeStatus.DUAL_INFEASIBLE,
     "unbounded_inaccurate": ConeStatus.ALMOST_DUAL_INFEASIBLE,
     "user_limit": ConeStatus.MAX_ITERATIONS,
-}
-_SENTENCES = {
-    ConeStatus.SOLVED: "Solved to the tolerances asked.",
-    ConeStatus.ALMOST_SOLVED: "Solved to reduced tolerances.",
-    ConeStatus.INSUFFICIENT_PROGRESS: "Stopped where steps no longer improve the point.",
-    ConeStatus.PRIMAL_INFEASIBLE: "No point keeps every constraint.",
-    ConeStatus.DUAL_INFEASIBLE: "The objective has no lower bound.",
-    ConeStatus.ALMOST_PRIMAL_INFEASIBLE: "No point seems to keep every constraint.",
-    ConeStatus.ALMOST_DUAL_INFEASIBLE: "The objective seems to have no lower bound.",
-    ConeStatus.MAX_ITERATIONS: "Stopped at the solver's iteration limit.",
-    ConeStatus.MAX_TIME: "Stopped at the solver's time limit.",
-    ConeStatus.NUMERICAL_ERROR: "Stopped by numerical trouble.",
-    ConeStatus.CALLBACK_TERMINATED: "Stopped from outside.",
-    ConeStatus.UNSOLVED: "Not solved.",
 }
 
 

@@ -21,11 +21,19 @@ from ampi.physics.state import BANK
 from ampi.scp.guess import ConstantBank, constant_banks, default_guess
 from ampi.trajectory import GuessTried, Status, Trajectory
 
-OTHERS = 120  # iterations: four solves of an ordinary mission
-SAME_COST = 1e-3  # relative
-SAME_BANK = float(np.radians(2.0))  # rad, greatest difference over the nodes
-
 SolveFrom = Callable[[ConstantBank, int], Trajectory]  # a guess, and iterations at the most
+
+
+@dataclass(frozen=True, kw_only=True)
+class GuessSettings:
+    """How much is spent on further guesses, and which solutions are one branch."""
+
+    iterations: int = 120  # of all further guesses: four solves of an ordinary mission
+    same_cost: float = 1e-3  # relative
+    same_bank: float = float(np.radians(2.0))  # rad, greatest difference over the nodes
+
+
+SETTINGS = GuessSettings()
 
 
 @dataclass(frozen=True)
@@ -40,7 +48,7 @@ class GuessResult:
 def from_any(mission: Mission, solve_from: SolveFrom, most_iterations: int) -> Trajectory:
     """The solution from the default guess, or the best answer of the others.
 
-    The others have `OTHERS` iterations together. Solved and cheapest is best; where nothing
+    The others have `GuessSettings.iterations` together. Solved and cheapest is best; where nothing
     is solved, the least that is left open: the excess of the limits and the miss of an exact target, as
     shares; and of equals the cheapest.
     """
@@ -50,7 +58,7 @@ def from_any(mission: Mission, solve_from: SolveFrom, most_iterations: int) -> T
     results = [GuessResult(first, solve_from(first, most_iterations))]
     if results[0].trajectory.status.ok:
         return results[0].trajectory
-    left = OTHERS
+    left = SETTINGS.iterations
     for guess in constant_banks(mission):
         if left <= 0:
             break
@@ -99,8 +107,8 @@ def _numbered(results: Sequence[GuessResult]) -> list[GuessResult]:
 
 
 def _is_same(one: Trajectory, other: Trajectory) -> bool:
-    costs = abs(one.cost - other.cost) <= SAME_COST * max(abs(one.cost), abs(other.cost))
-    return costs and float(np.abs(one.states[BANK] - other.states[BANK]).max()) < SAME_BANK
+    costs = abs(one.cost - other.cost) <= SETTINGS.same_cost * max(abs(one.cost), abs(other.cost))
+    return costs and float(np.abs(one.states[BANK] - other.states[BANK]).max()) < SETTINGS.same_bank
 
 
 def _badness(mission: Mission, trajectory: Trajectory) -> tuple[int, float, float]:

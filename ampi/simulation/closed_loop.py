@@ -1,9 +1,10 @@
 """Closed-loop entries, vectorised over flights.
 
-Plant: the equations of motion of ampi/physics, RK4, in equal steps of at most `PLANT_STEP` per guidance
-cycle, with the bank rate linear over the cycle. Flight software: the functions of ampi/onboard and
-ampi/tracking that `Guidance` calls, here on a batch. A flight ends where its speed reaches the target
-speed, at the ground or at its time limit, whichever comes first, and the instant is found in the step.
+Plant: the equations of motion of ampi/physics, RK4, in equal steps of at most `PlantSettings.step` per
+guidance cycle, with the bank rate linear over the cycle. Flight software: the functions of ampi/onboard
+and ampi/tracking that `Guidance` calls, here on a batch. A flight ends where its speed reaches the
+target speed, at the ground or at its time limit, whichever comes first, and the instant is found in the
+step.
 """
 
 from __future__ import annotations
@@ -29,12 +30,23 @@ from ampi.tracking.linear_quadratic import bank_rate_command
 
 Array = NDArray[np.float64]
 
-PLANT_STEP = 0.5  # s
-TOLERANCE = {SPEED: 1e-5, ALTITUDE: 1e-4}  # m/s, m: of the instant at which a flight ends
-SEARCH = 150  # steps to find it at the most: secants within a bracket, and bisections
-LONGEST = (
-    2.0  # times its reference's final time: a flight that takes longer is a record, not a hang
-)
+
+@dataclass(frozen=True, kw_only=True)
+class PlantSettings:
+    """How finely the truth is integrated, and for how long."""
+
+    step: float = 0.5  # s, at most; equal parts of the guidance cycle
+    longest: float = 2.0  # final times of the reference: then a flight is a record, not a hang
+    speed_tolerance: float = 1e-5  # m/s, of the instant at which a flight ends
+    altitude_tolerance: float = 1e-4  # m
+    search: int = 150  # steps to find it at the most: secants within a bracket, and bisections
+
+    def tolerance(self, row: int) -> float:
+        """Of the state that ends a flight."""
+        return self.speed_tolerance if row == SPEED else self.altitude_tolerance
+
+
+PLANT = PlantSettings()
 
 
 class FlightStatus(Outcome):
@@ -119,10 +131,12 @@ def _fly(
 ) -> FlightBatch:
     cycle, references = guidance.cycle, _StackedReferences.of(guidance, parameters)
     limits, path_limits = guidance.limits_at(parameters), family.path_limits()
-    plant = _Plant(family, path_limits, family.target("speed"), LONGEST * references.final_time)
+    plant = _Plant(
+        family, path_limits, family.target("speed"), PLANT.longest * references.final_time
+    )
     flights = _InFlight.at_entry(family, parameters, references, plant)
     pointer = np.zeros(len(parameters), dtype=np.intp)
-    parts = max(1, int(np.ceil(cycle / PLANT_STEP - 1e-9)))
+    parts = max(1, int(np.ceil(cycle / PLANT.step - 1e-9)))
     stride, h = max(1, round(record_every / cycle)), cycle / parts
     record: list[tuple[float, Array, Array, Array]] = []
     step = 0
@@ -294,9 +308,9 @@ class _Step:
         if above <= 0.0:
             return 0.0
         passed = high * above / (above + level - float(self.after(high)[row]))
-        for step in range(SEARCH):
+        for step in range(PLANT.search):
             excess = float(self.after(passed)[row]) - level
-            if abs(excess) < TOLERANCE[row]:
+            if abs(excess) < PLANT.tolerance(row):
                 break
             low, high = (passed, high) if excess > 0.0 else (low, passed)
             secant = passed * above / (above - excess)

@@ -12,7 +12,7 @@ from ampi.scp import guesses
 from ampi.scp.condensed.settings import SolverSettings
 from ampi.scp.condensed.trust_region import TrustRegionSettings
 from ampi.scp.guess import ConstantBank
-from ampi.scp.guesses import OTHERS, from_any, from_each
+from ampi.scp.guesses import SETTINGS, from_any, from_each
 from ampi.scp.solve import solve
 from ampi.trajectory import Statistics, Status, Trajectory
 
@@ -65,7 +65,7 @@ def test_the_others_share_a_budget_of_iterations(mission: Mission, nominal: Traj
         return ended(nominal, Status.STALLED, guess.bank_angle, iterations=min(most, 100))
 
     from_any(mission, solve_from, 300)
-    assert given == [300, OTHERS, OTHERS - 100]
+    assert given == [300, SETTINGS.iterations, SETTINGS.iterations - 100]
 
 
 def test_the_least_that_is_left_open_is_kept_where_nothing_is_solved(

@@ -21,7 +21,7 @@ from ampi.missions.sections import EntrySection
 from ampi.onboard.reference import Mode
 from ampi.physics.equations_of_motion import equations_of_motion
 from ampi.physics.state import ENTRY_STATES
-from ampi.simulation.closed_loop import LONGEST, FlightBatch, FlightStatus, fly_batch
+from ampi.simulation.closed_loop import LONGEST, FlightBatch, FlightStatus, PlantSettings, fly_batch
 from ampi.simulation.dispersions import Dispersions, Distribution
 from ampi.tracking.bank_limiter import BankLimits
 from ampi.trajectory import Status
@@ -332,7 +332,7 @@ def test_the_plant_does_not_depend_on_the_guidance_cycle(
     other = Guidance(guidance.table, guidance.limits, guidance.mode, cycle=cycle)
     entry = mission.entry_state[None]
     coarse = fly(mission, other, entry)
-    monkeypatch.setattr("ampi.simulation.closed_loop.PLANT_STEP", 0.05)
+    monkeypatch.setattr("ampi.simulation.closed_loop.PLANT", PlantSettings(step=0.05))
     fine = fly(mission, other, entry)
     assert coarse.peak == pytest.approx(fine.peak, rel=5e-4)
     assert coarse.final_states == pytest.approx(fine.final_states, rel=1e-6)

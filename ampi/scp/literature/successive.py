@@ -64,11 +64,6 @@ class Ending(Enum):
     SUBPROBLEM_FAILED = "Stopped: a convex subproblem returned no usable step."
     MESH_LIMIT = "Converged, but the mesh reached a cap before its tolerance."
 
-    @property
-    def sentence(self) -> str:
-        """One sentence for logs."""
-        return self.value
-
 
 SubproblemSolver = Callable[[SparseSubproblem], SparseStep]
 
