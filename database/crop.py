@@ -19,8 +19,9 @@ from ampi.dataset import TrajectoryDataset, read_dataset
 from ampi.missions.mission import Mission
 from ampi.missions.parameters import measured_values
 from ampi.scp.solve import solve
-from database.build import KnownOptimum, build
+from database.build import build
 from database.build_report import BuildReport, in_unit_of_key
+from database.building import KnownOptimum
 from database.plan.grid import Grid
 from database.records.campaign import BuildError, Solver, as_built
 

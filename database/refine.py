@@ -16,8 +16,9 @@ from ampi.dataset import TrajectoryDataset, read_dataset
 from ampi.missions.mission import Mission
 from ampi.scp.solve import solve
 from database.audit.error_map import CellError, best_cell, error_map
-from database.build import KnownOptimum, build
+from database.build import build
 from database.build_report import BuildReport
+from database.building import KnownOptimum
 from database.plan.grid import Grid
 from database.records.campaign import BuildError, Solver, as_built
 

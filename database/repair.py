@@ -24,7 +24,8 @@ from ampi.scp.solve import solve
 from ampi.trajectory import Trajectory
 from database.audit.branches import Branches, branches, continued, same_optimum
 from database.audit.coherence import Outlier, case_roughness, coherence, family_rows
-from database.build import KnownOptimum, build
+from database.build import build
+from database.building import KnownOptimum
 from database.plan.grid import Grid
 from database.records.campaign import BuildError, Campaign, Solver, as_built
 

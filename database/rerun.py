@@ -110,17 +110,7 @@ def rerun(
         start = continued if attempt.predicted else None
         if attempt.neighbour is not None:
             start = starts[attempt.neighbour]
-        try:
-            path_there = path_to(mission, grid, case, attempt)
-            flown, solves = follow(campaign, path_there, start)
-            arrived = flown.status.ok
-            if arrived and campaign.judged:  # as it is assembled: what it finds sends nobody back
-                flown = flown_again(path_there[-1], flown)
-            said = outcome_sentence(path_there[solves - 1], flown)
-            result = AttemptResult(str(attempt), said, solves, flown)
-        except Exception as error:  # as in the build: an attempt that raises is one that failed
-            arrived = False
-            result = AttemptResult(str(attempt), f"{type(error).__name__}: {error}", 0, None)
+        result, arrived = _made(campaign, case, attempt, start)
         results.append(result)
         if watch is not None:
             watch(result)
@@ -136,6 +126,22 @@ def rerun(
         attempts=tuple(results),
         trajectory=no_trajectory(mission.pseudospectral_mesh) if last is None else last,
     )
+
+
+def _made(
+    campaign: Campaign, case: int, attempt: Attempt, start: Trajectory | None
+) -> tuple[AttemptResult, bool]:
+    """How an attempt goes, and whether it arrives at a solution."""
+    try:
+        path = path_to(campaign.mission, campaign.grid, case, attempt)
+        flown, solves = follow(campaign, path, start)
+        arrived = flown.status.ok
+        if arrived and campaign.judged:  # as it is assembled: what it finds sends nobody back
+            flown = flown_again(path[-1], flown)
+        said = outcome_sentence(path[solves - 1], flown)
+        return AttemptResult(str(attempt), said, solves, flown), arrived
+    except Exception as error:  # as in the build: an attempt that raises is one that failed
+        return AttemptResult(str(attempt), f"{type(error).__name__}: {error}", 0, None), False
 
 
 Stored = Callable[[int], tuple[Trajectory, str] | None]

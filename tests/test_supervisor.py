@@ -33,6 +33,7 @@ class Counted:
     number: int
     folder: Path
     deaths: int = 0
+    of_its_parent: bool = False  # are these deaths, and of itself with it
     fails: type[Exception] | None = None
     seconds: float = 0.0
 
@@ -42,7 +43,8 @@ class Counted:
         (self.folder / f"{self.number} {begun} by {os.getpid()}").touch()
         time.sleep(self.seconds)
         if begun < self.deaths:
-            os.kill(os.getpid(), signal.SIGKILL)
+            os.kill(os.getppid() if self.of_its_parent else os.getpid(), signal.SIGKILL)
+            time.sleep(60.0 if self.of_its_parent else 0.0)
         if self.fails is not None:
             raise self.fails("no room")
         return finished((self.number, os.getpid()))
@@ -86,6 +88,45 @@ def test_a_job_that_always_kills_its_worker_is_one_sentence(
     jobs = [counted(0, tmp_path, deaths=99), counted(1, tmp_path)]
     with pytest.raises(JobError, match=r"number 0: Its worker process died 3 times, by SIGKILL\."):
         results(jobs, 2)
+
+
+@dataclass(frozen=True)
+class Kin(Counted):
+    """Tells of itself: process, parent, leader of its group, interrupts ignored."""
+
+    def compute(self, announce: Callable[[int], None]) -> Future[tuple[int, int, int, bool]]:  # type: ignore[override]
+        time.sleep(0.2)  # for each worker has one
+        ignored = signal.getsignal(signal.SIGINT) is signal.SIG_IGN
+        return finished((os.getpid(), os.getppid(), os.getpgrp(), ignored))
+
+
+@pytest.mark.parametrize("forked", [True, False])
+def test_workers_are_forked_from_one_process_where_that_can_be(
+    counted: type[Counted], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, forked: bool
+) -> None:
+    import test_supervisor
+
+    monkeypatch.setattr("ampi.workers.fork_server.SUPPORTED", forked and sys.platform == "linux")
+    jobs = [test_supervisor.Kin(k, tmp_path) for k in range(4)]
+    found = list(in_workers("test_supervisor", jobs, 2))
+    assert len({pid for pid, *_ in found}) == 2
+    (parent,) = {parent for _, parent, *_ in found}
+    assert (parent != os.getpid()) == (forked and sys.platform == "linux")
+    assert all(group == pid and ignored for pid, _, group, ignored in found)
+
+
+@needs_proc
+def test_the_end_of_what_they_are_forked_from_is_no_verdict_on_a_job(
+    counted: type[Counted], tmp_path: Path
+) -> None:
+    """Four in a row; each time both workers end, and what they were at runs again."""
+    jobs = [
+        counted(0, tmp_path, deaths=4, of_its_parent=True),
+        *(counted(k, tmp_path) for k in range(1, 4)),
+    ]
+    assert [number for number, _ in results(jobs, 2)] == list(range(4))
+    assert len(list(tmp_path.glob("0 *"))) == 5
+    assert not list(left([int(p.name.split()[-1]) for p in tmp_path.iterdir()]))
 
 
 @pytest.mark.parametrize(

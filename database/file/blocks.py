@@ -141,16 +141,11 @@ def assemble(
             [grid.point(r.case) for r, ok in zip(records, good, strict=True) if ok]
         )
         gains[good] = vertex_gains(family, mesh, states[good], final_time[good], settings)
-    multipliers = np.full((cases, len(OptimalControlProblem.of(mission).target)), np.nan)
-    for row, record, ok in zip(multipliers, records, good, strict=True):
-        found = record.trajectory.target_multipliers
-        if ok and found is not None:  # a stand-in has none
-            row[:] = found
     values: dict[str, NDArray[Any]] = {
         "states": states,
         "bank_rate": rate,
         "gains": gains,
-        "target_multipliers": multipliers,
+        "target_multipliers": _target_multipliers(mission, records, good),
         "final_time": final_time,
         "cost": np.array([r.trajectory.cost for r in records]),
         "status": status,
@@ -160,6 +155,19 @@ def assemble(
         "message": np.array([_cut(m) for m in messages], dtype=FIELDS["message"].dtype),
     }
     return {name: v.reshape(*block.shape, *v.shape[1:]) for name, v in values.items()}
+
+
+def _target_multipliers(
+    mission: Mission, records: list[CaseRecord], good: NDArray[np.bool_]
+) -> Array:
+    """Those of the `good` cases, (c, m); NaN where there are none, as of a stand-in."""
+    rows = len(OptimalControlProblem.of(mission).target)
+    values = np.full((len(records), rows), np.nan)
+    for row, record, ok in zip(values, records, good, strict=True):
+        found = record.trajectory.target_multipliers
+        if ok and found is not None:
+            row[:] = found
+    return values
 
 
 def _cut(message: str) -> bytes:

@@ -33,7 +33,8 @@ from database.audit.branches import (
     suspects,
 )
 from database.audit.coherence import coherence
-from database.build import BuildReport, KnownOptimum
+from database.build_report import BuildReport
+from database.building import KnownOptimum
 from database.plan.grid import Grid
 from database.repair import Move, repair
 

@@ -30,7 +30,7 @@ from database.audit.coherence import (
     family_rows,
     family_scale,
 )
-from database.build import KnownOptimum
+from database.building import KnownOptimum
 from database.factory.stand_in import neighbour_moved
 from database.plan.grid import Grid
 from database.records.campaign import BuildError
@@ -256,7 +256,7 @@ def test_a_repair_that_is_killed_leaves_the_file_and_begins_anew(
         raise KeyboardInterrupt
 
     with monkeypatch.context() as patched:
-        patched.setattr(sys.modules["database.build"], "write_database", killed)
+        patched.setattr("database.building.write_database", killed)
         with pytest.raises(KeyboardInterrupt):
             repair(path, n_jobs=1)
     assert path.read_bytes() == planted.read_bytes()

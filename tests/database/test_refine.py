@@ -20,7 +20,7 @@ from ampi.tracker_design.riccati_gains import GainSettings
 from ampi.trajectory import Status, Trajectory
 from database.audit.audit import nodal_reference
 from database.audit.error_map import COLUMNS, CellError, best_cell, error_map
-from database.build import KnownOptimum
+from database.building import KnownOptimum
 from database.factory.stand_in import neighbour_moved
 from database.records.campaign import BuildError
 from database.refine import RefineReport, refine, with_point

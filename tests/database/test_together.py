@@ -102,12 +102,14 @@ def test_records_that_wait_long_are_flushed_before_the_portion_is_whole(
 
 
 def test_what_newton_leaves_has_no_record(campaign: Campaign, tmp_path: Path) -> None:
-    # At a bank limit that the family touches: portions solve the others, each of these goes alone.
+    # Newton's iteration holds a bank limit that acts, and not the load factor of a steep entry.
     tight = campaign.toml.replace("bank_angle_deg = 60.0", "bank_angle_deg = 47.5")
     assert tight != campaign.toml
     path = tmp_path / "tight.h5"
     report = database.build(parse_mission(tight), path, n_jobs=2)
     assert report.solved == 9
+    tight = campaign.toml.replace("load_factor_g = 10.0", "load_factor_g = 8.2")
+    assert tight != campaign.toml
     folder = tmp_path / "portion"
     folder.mkdir()
     other = Campaign(tight, folder)
