@@ -139,7 +139,7 @@ def _print_coherence(report: AuditReport, path: Path) -> None:
 
 
 def _print_branches(report: AuditReport, path: Path) -> None:
-    from database.audit.branches import FLOWN
+    from database.audit.branches import SETTINGS
 
     found = report.branches
     if found.worst_pair is None:
@@ -159,10 +159,10 @@ def _print_branches(report: AuditReport, path: Path) -> None:
             f"entry {_degrees(branch.bank_at_entry)}, of the rest {_degrees(found.main_bank_at_entry)}; "
             f"cost {branch.cost_ratio:.2f} times that of the cases beside"
         )
-    if not found.astray and found.worst_flown > FLOWN:
+    if not found.astray and found.worst_flown > SETTINGS.flown:
         out.print(
-            f"  one branch, but above {FLOWN / 1e3:g} km too wide a step for interpolation; add a point "
-            f"with: ampi refine {_quoted(path)}"
+            f"  one branch, but above {SETTINGS.flown / 1e3:g} km too wide a step for interpolation; "
+            f"add a point with: ampi refine {_quoted(path)}"
         )
     if found.astray:
         out.print(

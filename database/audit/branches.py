@@ -4,13 +4,13 @@ Roughness (`coherence`) compares a family with itself: one that lies on two bran
 is rough everywhere and calls that smooth. Nor does an axis of two points have a second difference. What
 is measured here between two neighbours knows nothing of the family:
 
-1. Bank angle. Neighbours whose bank angles differ by more than `BANK` at a node are *unlike*.
-2. Cost. So are neighbours whose costs differ by more than `COST` of the greater.
+1. Bank angle. Neighbours whose bank angles differ by more than `bank` at a node are *unlike*.
+2. Cost. So are neighbours whose costs differ by more than `cost` of the greater.
 3. Flight. Halfway between two unlike neighbours the interpolated bank angle is flown open loop. Less
-   than `FLOWN` from the interpolated flight, guidance may use it, and the two count as joined.
+   than `flown` from the interpolated flight, guidance may use it, and the two count as joined.
 4. Continuation. Others are joined if the optimum of one, followed to the other's parameters in steps
-   that move it by less than `BANK` each, arrives at the optimum that stands there: the same bank angle
-   within `BANK`, the same cost within `SAME_COST`. A jump on the way is another branch.
+   that move it by less than `bank` each, arrives at the optimum that stands there: the same bank angle
+   within `bank`, the same cost within `same_cost`. A jump on the way is another branch.
 
 The neighbours left are *parted*. Without the parted ones the grid falls into branches, and the cases of
 one that is parted from a greater one are *astray*. Where two sheets of a fold meet, the grid may hang
@@ -32,7 +32,7 @@ from scipy.sparse.csgraph import connected_components
 
 from ampi.missions.mission import Mission
 from ampi.physics.angles import wrapped
-from ampi.physics.state import BANK as BANK_ANGLE
+from ampi.physics.state import BANK
 from ampi.propagation.reintegration import flight_checks
 from ampi.scp.condensed.settings import SolverSettings
 from ampi.scp.solve import solve, solve_family
@@ -45,19 +45,28 @@ from database.records.campaign import Campaign, Solver
 Array = NDArray[np.float64]
 Cases = NDArray[np.int64]
 
-# Halfway between bank angles 2Δ apart the lift has 1 − cos Δ less of either component than on the mean:
-# 1.5 % at 20 degrees, what the density does in a quiet week. From +20 to −20 degrees it is 6 %.
-BANK = np.radians(20.0)
-COST = 0.5  # of the greater
-SAME_COST = 0.05
-# What a tracker can take out of one flight. SHEFEX-3's neighbours reach 7 km, two branches 45 to 150 km.
-FLOWN = 10e3  # m
-LEAST_FLOWN = 32  # pairs, the least alike: a number in kilometres for every family
-FOLLOWED = (
-    3  # pairs between two branches, the most alike, that are followed before they count as parted
-)
-FOLLOWED_WITHIN = 64  # pairs of one branch, the least alike: two sheets that meet are few
 CHUNK = 81
+
+
+@dataclass(frozen=True, kw_only=True)
+class BranchSettings:
+    """What counts as unlike, and how much is flown and followed before two optima count as parted."""
+
+    # Halfway between bank angles 2Δ apart the lift has 1 − cos Δ less of either component than on the
+    # mean: 1.5 % at 20 degrees, what the density does in a quiet week. From +20 to −20 degrees it is
+    # 6 %.
+    bank: float = float(np.radians(20.0))  # rad
+    cost: float = 0.5  # of the greater
+    same_cost: float = 0.05  # of the greater
+    # What a tracker can take out of one flight. SHEFEX-3's neighbours reach 7 km, two branches 45 to
+    # 150 km.
+    flown: float = 10e3  # m
+    least_flown: int = 32  # pairs, the least alike: a number in kilometres for every family
+    followed: int = 3  # pairs between two branches, the most alike, before they count as parted
+    followed_within: int = 64  # pairs of one branch, the least alike: two sheets that meet are few
+
+
+SETTINGS = BranchSettings()
 
 
 @dataclass(frozen=True)
@@ -113,18 +122,18 @@ def branches(
     bank = np.full((grid.size, mission.pseudospectral_mesh.n_nodes), np.nan)
     cost = np.full(grid.size, np.nan)
     for case, optimum in optima.items():
-        bank[case], cost[case] = optimum.states[BANK_ANGLE], optimum.cost
+        bank[case], cost[case] = optimum.states[BANK], optimum.cost
     solved = np.isin(np.arange(grid.size), list(optima))
     pairs = grid.pairs()
     pairs = pairs[solved[pairs].all(axis=1)]
     one, other = pairs.T
     apart = np.abs(wrapped(bank[one] - bank[other])).max(axis=1, initial=0.0)
-    unlike = (apart > BANK) | (_cost_gap(cost[one], cost[other]) > COST)
+    unlike = (apart > SETTINGS.bank) | (_cost_gap(cost[one], cost[other]) > SETTINGS.cost)
     least_alike = np.argsort(-apart, kind="stable")
-    flown = np.union1d(np.flatnonzero(unlike), least_alike[:LEAST_FLOWN])
+    flown = np.union1d(np.flatnonzero(unlike), least_alike[: SETTINGS.least_flown])
     error = np.full(len(pairs), np.nan)
     error[flown] = _flown_halfway(mission, grid, optima, pairs[flown])
-    doubtful = [k for k in least_alike if unlike[k] and not error[k] <= FLOWN]
+    doubtful = [k for k in least_alike if unlike[k] and not error[k] <= SETTINGS.flown]
     campaign = Campaign(mission.toml, Path(), solver, settings or SolverSettings())
     parted = _parted(campaign, optima, pairs, doubtful)
     groups = astray(grid, solved, parted)
@@ -148,7 +157,7 @@ def branches(
 def continued(campaign: Campaign, case: int, goal: int, optimum: Trajectory) -> Trajectory | None:
     """The optimum of `case` followed to the parameters of its neighbour `goal`; None if it ends.
 
-    In one step if that moves the bank angle by less than `BANK`, else in more and shorter ones: what
+    In one step if that moves the bank angle by less than `bank`, else in more and shorter ones: what
     jumps however short they are has left the branch. Newton's iteration alone is asked for the one step:
     where it needs help, what helps it finds another branch as gladly as this one.
     """
@@ -159,7 +168,7 @@ def continued(campaign: Campaign, case: int, goal: int, optimum: Trajectory) -> 
                 there = solve_family(campaign.family_of(mission), [found])[0]
             else:
                 there = solve_one(campaign, mission, found)
-            if there is None or not there.status.ok or unlikeness(there, found) > BANK:
+            if there is None or not there.status.ok or unlikeness(there, found) > SETTINGS.bank:
                 break
             found = there
         else:
@@ -169,12 +178,15 @@ def continued(campaign: Campaign, case: int, goal: int, optimum: Trajectory) -> 
 
 def unlikeness(one: Trajectory, other: Trajectory) -> float:
     """Greatest difference of two bank angles (rad), at the nodes."""
-    return float(np.abs(wrapped(one.states[BANK_ANGLE] - other.states[BANK_ANGLE])).max())
+    return float(np.abs(wrapped(one.states[BANK] - other.states[BANK])).max())
 
 
 def same_optimum(one: Trajectory, other: Trajectory) -> bool:
     """Whether two flights from the same parameters are one optimum, to what convergence leaves."""
-    return unlikeness(one, other) <= BANK and not _cost_gap(one.cost, other.cost) > SAME_COST
+    return (
+        unlikeness(one, other) <= SETTINGS.bank
+        and not _cost_gap(one.cost, other.cost) > SETTINGS.same_cost
+    )
 
 
 def halfway(one: Trajectory, other: Trajectory) -> Trajectory:
@@ -192,7 +204,7 @@ def halfway(one: Trajectory, other: Trajectory) -> Trajectory:
 def suspects(grid: Grid, bank: NDArray[np.floating[Any]]) -> list[int]:
     """Cases that may be astray, from the bank angles (c, s) at some `stations` alone; NaN if unsolved.
 
-    Between two neighbours one jumps by more than `BANK`, and no line through the cases before or behind
+    Between two neighbours one jumps by more than `bank`, and no line through the cases before or behind
     them leads there. Nothing is flown or solved: a doubt, for `branches` to settle.
     """
     bank, number = bank.reshape(*grid.shape, -1), np.arange(grid.size).reshape(grid.shape)
@@ -203,9 +215,9 @@ def suspects(grid: Grid, bank: NDArray[np.floating[Any]]) -> list[int]:
         doubtful = np.zeros(cases[1:].shape, dtype=bool)
         for station in range(bank.shape[-1]):  # one by one: a grid may have millions of cases
             jump = wrapped(np.diff(np.moveaxis(bank[..., station], i, 0), axis=0))
-            doubt = np.abs(jump) > BANK
-            doubt[1:] &= ~(np.abs(jump[1:] - jump[:-1] * (step[1:] / step[:-1])) <= BANK)
-            doubt[:-1] &= ~(np.abs(jump[:-1] - jump[1:] * (step[:-1] / step[1:])) <= BANK)
+            doubt = np.abs(jump) > SETTINGS.bank
+            doubt[1:] &= ~(np.abs(jump[1:] - jump[:-1] * (step[1:] / step[:-1])) <= SETTINGS.bank)
+            doubt[:-1] &= ~(np.abs(jump[:-1] - jump[1:] * (step[:-1] / step[1:])) <= SETTINGS.bank)
             doubtful |= doubt
         found.append(np.stack([cases[:-1][doubtful], cases[1:][doubtful]], axis=1))
     groups = astray(grid, np.isfinite(bank[..., 0]).ravel(), np.concatenate(found))
@@ -217,8 +229,8 @@ def branch_doubt(suspects: Sequence[int], path: Path) -> str:
     count = f"{len(suspects)} cases" if len(suspects) > 1 else "1 case"
     return (
         f"{count} may lie on another branch than the rest, or too far from it to interpolate: the bank "
-        f"angle jumps by more than {np.degrees(BANK):.0f} deg beside them; to see which, and mend it: "
-        f"ampi audit {shlex.quote(str(path))} --repair"
+        f"angle jumps by more than {np.degrees(SETTINGS.bank):.0f} deg beside them; to see which, and "
+        f"mend it: ampi audit {shlex.quote(str(path))} --repair"
     )
 
 
@@ -265,7 +277,7 @@ def _parted(
     unfollowed: list[int] = []
     for k in reversed(doubtful):  # between branches: a single pair may join them
         here, there = sorted(branch[pairs[k]].tolist())
-        if here == there or followed.get((here, there), 0) == FOLLOWED:
+        if here == there or followed.get((here, there), 0) == SETTINGS.followed:
             unfollowed.append(k)
         elif joined(k):
             branch[branch == there] = here
@@ -274,7 +286,7 @@ def _parted(
             apart.append(k)
     within = [k for k in unfollowed if len(set(branch[pairs[k]].tolist())) == 1]
     apart += [k for k in unfollowed if k not in set(within)]
-    apart += [k for k in within[::-1][:FOLLOWED_WITHIN] if not joined(k)]
+    apart += [k for k in within[::-1][: SETTINGS.followed_within] if not joined(k)]
     return pairs[sorted(apart)]
 
 

@@ -21,20 +21,19 @@ from ampi.missions.loading import load_mission, parse_mission
 from ampi.missions.mission import Mission
 from ampi.trajectory import Trajectory
 from database.audit.branches import (
-    BANK,
-    FLOWN,
+    SETTINGS,
     Branches,
     _position_error,
     astray,
     branches,
     halfway,
     same_optimum,
-    stations,
     suspects,
 )
 from database.audit.coherence import coherence
 from database.build_report import BuildReport
 from database.building import KnownOptimum
+from database.file.encoded_block import stations
 from database.plan.grid import Grid
 from database.repair import Move, repair
 
@@ -315,7 +314,9 @@ def test_no_more_pairs_are_followed_than_it_takes(
         followed.append((case, goal))
 
     monkeypatch.setattr(database.audit.branches, "continued", ends)
-    monkeypatch.setattr(database.audit.branches, "FOLLOWED", 2)
+    monkeypatch.setattr(
+        database.audit.branches, "SETTINGS", dataclasses.replace(SETTINGS, followed=2)
+    )
     found = branches(dataset.mission, optima)
     assert found.cases == (0, 3, 6)
     assert sorted(found.parted) == [(0, 1), (3, 4), (6, 7)]
@@ -337,7 +338,7 @@ def test_two_optima_are_the_same_by_bank_angle_and_cost(small_database: Path) ->
     turned = one.states.copy()
     turned[6] += 2.0 * np.pi
     assert same_optimum(one, dataclasses.replace(one, states=turned))
-    turned[6] += 1.01 * BANK
+    turned[6] += 1.01 * SETTINGS.bank
     assert not same_optimum(one, dataclasses.replace(one, states=turned))
     for gap, same in ((0.049, True), (0.051, False)):
         cheaper = dataclasses.replace(one, cost=one.cost * (1.0 - gap))
@@ -366,7 +367,7 @@ def test_a_smooth_family_holds_together_and_nothing_is_solved(
     dataset = read_dataset(small_database)
     measured = branches(dataset.mission, optima_of(dataset))
     assert (measured.pairs, measured.unlike, measured.flown, measured.astray) == (12, 0, 12, ())
-    assert 1e3 < measured.worst_flown < FLOWN
+    assert 1e3 < measured.worst_flown < SETTINGS.flown
     status = dataset.status.copy()
     status.ravel()[[1, 3]] = 7
     holes = dataclasses.replace(dataset, status=status)
