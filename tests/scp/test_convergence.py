@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from ampi.missions.path_limits import KEPT
-from ampi.scp.problem.convergence import ConvergenceSettings, verdict
+from ampi.scp.problem.convergence import ConvergenceSettings, converged_status
 from ampi.scp.problem.penalty import limit_excess
 from ampi.scp.problem.scaled_problem import OptimalControlProblem
 from ampi.trajectory import Status
@@ -50,7 +50,7 @@ def test_the_target_is_met_within_its_tolerances(
     problem: OptimalControlProblem, offset: dict[str, float], status: Status
 ) -> None:
     final = final_state(problem, **offset)
-    assert verdict(ConvergenceSettings(), problem, final, NONE, bought_off=False) is status
+    assert converged_status(ConvergenceSettings(), problem, final, NONE, bought_off=False) is status
 
 
 @pytest.mark.parametrize("kind", [0, 1, 2])
@@ -61,7 +61,7 @@ def test_an_exceeded_limit_speaks_first(problem: OptimalControlProblem, kind: in
     cases = ((excess, Status.LIMITS_EXCEEDED), (0.9 * 0.9 * excess, Status.TARGET_MISSED))
     for over, status in cases:
         for bought_off in (False, True):
-            got = verdict(ConvergenceSettings(), problem, far, over, bought_off=bought_off)
+            got = converged_status(ConvergenceSettings(), problem, far, over, bought_off=bought_off)
             assert got is status
 
 
@@ -71,29 +71,33 @@ def test_a_target_that_is_bought_off_is_missed(problem: OptimalControlProblem, k
     settings, final = ConvergenceSettings(), final_state(problem)
     excess = np.zeros(3)
     excess[kind] = 1.1 * KEPT
-    assert verdict(settings, problem, final, NONE, bought_off=False) is Status.SOLVED
-    assert verdict(settings, problem, final, NONE, bought_off=True) is Status.TARGET_MISSED
+    assert converged_status(settings, problem, final, NONE, bought_off=False) is Status.SOLVED
+    assert converged_status(settings, problem, final, NONE, bought_off=True) is Status.TARGET_MISSED
     for bought_off in (False, True):
-        got = verdict(settings, problem, final, excess, bought_off=bought_off)
+        got = converged_status(settings, problem, final, excess, bought_off=bought_off)
         assert got is Status.LIMITS_EXCEEDED
 
 
 def test_what_is_not_a_number_is_no_solution(problem: OptimalControlProblem) -> None:
     settings, final = ConvergenceSettings(), final_state(problem)
     lost = np.array([0.0, np.nan, 0.0])
-    assert verdict(settings, problem, final, lost, bought_off=False) is Status.LIMITS_EXCEEDED
+    assert (
+        converged_status(settings, problem, final, lost, bought_off=False) is Status.LIMITS_EXCEEDED
+    )
     for state in range(4):
         off = final.copy()
         off[state] = np.nan
-        assert verdict(settings, problem, off, NONE, bought_off=False) is Status.TARGET_MISSED
+        assert (
+            converged_status(settings, problem, off, NONE, bought_off=False) is Status.TARGET_MISSED
+        )
 
 
 def test_bought_off_must_be_said_by_its_name(problem: OptimalControlProblem) -> None:
     arguments = (ConvergenceSettings(), problem, final_state(problem), NONE)
     with pytest.raises(TypeError):
-        verdict(*arguments)  # type: ignore[call-arg]
+        converged_status(*arguments)  # type: ignore[call-arg]
     with pytest.raises(TypeError):
-        verdict(*arguments, False)  # type: ignore[misc]
+        converged_status(*arguments, False)  # type: ignore[misc]
 
 
 @settings(deadline=None, max_examples=50)

@@ -15,7 +15,7 @@ from ampi.physics.angles import wrapped
 from ampi.physics.state import CIRCULAR_STATES
 from ampi.scp.guess import ConstantBank, from_trajectory
 from ampi.scp.literature.starts import straight_line
-from ampi.scp.problem.convergence import ConvergenceSettings, verdict
+from ampi.scp.problem.convergence import ConvergenceSettings, converged_status
 from ampi.scp.problem.scaled_problem import OptimalControlProblem
 from ampi.scp.problem.shortfall import shortfall
 from ampi.scp.solve import solve, solve_family
@@ -147,4 +147,4 @@ def test_a_miss_near_the_pole_is_a_distance(mission: Mission) -> None:
     settings = ConvergenceSettings()
     for beyond, status in ((500.0, Status.SOLVED), (700.0, Status.TARGET_MISSED)):
         final[2] = 0.5 * np.pi - beyond / 6378137.0
-        assert verdict(settings, problem, final, kept, bought_off=False) is status
+        assert converged_status(settings, problem, final, kept, bought_off=False) is status

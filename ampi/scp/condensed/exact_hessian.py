@@ -44,7 +44,7 @@ from ampi.scp.condensed.settings import SolverSettings
 from ampi.scp.condensed.subproblem import ConvexSubproblem, Step, solve_subproblem
 from ampi.scp.condensed.trust_region import TrustRegion
 from ampi.scp.guess import NodalGuess
-from ampi.scp.problem.convergence import verdict
+from ampi.scp.problem.convergence import converged_status
 from ampi.scp.problem.scaled_problem import OptimalControlProblem
 from ampi.trajectory import IterationRecord, Statistics, Status, Trajectory
 
@@ -144,7 +144,7 @@ class ExactHessianIteration:
     def status_of(self, point: Point, *, bought_off: bool) -> Status:
         """Of a converged point."""
         settings, final = self.settings.convergence, point.iterate.states[-1]
-        return verdict(settings, self.problem, final, point.excess, bought_off=bought_off)
+        return converged_status(settings, self.problem, final, point.excess, bought_off=bought_off)
 
     def elastic(self) -> NDArray[np.bool_]:
         """Rows of the target that the last step bought off."""

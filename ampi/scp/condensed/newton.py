@@ -50,7 +50,7 @@ from ampi.scp.condensed.points import Points
 from ampi.scp.condensed.settings import SolverSettings
 from ampi.scp.cone_program import ConeStatus
 from ampi.scp.guess import NodalGuess
-from ampi.scp.problem.convergence import verdict
+from ampi.scp.problem.convergence import converged_status
 from ampi.scp.problem.penalty import limit_excess
 from ampi.scp.problem.scaled_problem import OptimalControlProblem, by_case
 from ampi.trajectory import IterationRecord, Statistics, Status, Trajectory
@@ -333,7 +333,7 @@ class NewtonIteration:
         points, problem = self.points, self.points.problem.at(case)
         excess = limit_excess(points.path[:, case].T)
         final, settings = points.x[:, case, -1], self.settings.convergence
-        status: Status = verdict(settings, problem, final, excess, bought_off=False)
+        status: Status = converged_status(settings, problem, final, excess, bought_off=False)
         rate = points.rate(np.array([case]))[0] * problem.bank_rate_limit
         cost, rows = float(points.cost(np.array([case]))[0]), self.logs[case]
         log = (*rows[:-1], replace(rows[-1], cost=cost, merit=cost))  # restored since

@@ -34,7 +34,7 @@ class ConvergenceSettings:
     horizontal_miss: float = HORIZONTAL_TOLERANCE  # m: beyond, the target counts as missed
 
 
-def verdict(
+def converged_status(
     settings: ConvergenceSettings,
     problem: OptimalControlProblem,
     final: Array,
