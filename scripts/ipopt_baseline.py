@@ -244,11 +244,19 @@ def whole_build(mission: Mission, n_jobs: int) -> dict[str, Any]:
 
 
 PHASES = {
-    "derivatives": ("/vectorised.py",),
-    "condensing": ("/family_condensing.py",),
+    "derivatives": ("/tracing/vectorised.py", "/tracing/dynamics.py"),
+    "condensing": ("/condensed/condensing.py", "/condensed/curvature.py"),
     "prediction": ("/prediction.py",),
     "records": ("/record_files.py", "/case_record.py", "/reader.py"),
-    "Newton step and the rest of the iteration": ("/family.py", "/family_system.py"),
+    "Newton step and the rest of the iteration": (
+        "/condensed/newton.py",
+        "/condensed/newton_system.py",
+        "/condensed/points.py",
+        "/condensed/cost.py",
+        "/condensed/limit_rows.py",
+        "/condensed/kkt_factors.py",
+        "/condensed/dual_steps.py",
+    ),
 }
 
 

@@ -71,7 +71,7 @@ class PolynomialDragPolar:
         return lift, sum(c * lift**k for k, c in enumerate(self.drag))
 
 
-def _clamped_basis(knots: Array, x: Any) -> list[Any]:
+def _clamped_basis(knots: Any, x: Any) -> list[Any]:
     """The n truncated-power functions that span the cubic splines with zero slope at both ends."""
     length = knots[-1] - knots[0]
     last = knots[-1] - knots[-2]
@@ -103,6 +103,13 @@ def _edges_repeated(table: tuple[tuple[Any, ...], ...]) -> Array:
     cells = np.broadcast_arrays(*(cell for row in table for cell in row))
     values = np.stack(cells, axis=-1).reshape(*cells[0].shape, len(table), len(table[0]))
     return np.pad(values, [(0, 0)] * cells[0].ndim + [(2, 2)] * 2, mode="edge")
+
+
+def _numbers(values: Array, axes: int) -> Any:
+    """Tuples of numbers, or of arrays over cases, by the first `axes`: what can be taken apart."""
+    if axes:
+        return tuple(_numbers(part, axes - 1) for part in values)
+    return values if values.ndim else float(values)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -140,7 +147,8 @@ class TabulatedAerodynamics:
             half = np.linalg.solve(across_alpha, values)
             found = np.linalg.solve(across_mach, np.swapaxes(half, -1, -2))
             weights.append(np.moveaxis(found, (-1, -2), (0, 1)))  # cases last, as in a flight model
-        object.__setattr__(self, "_weights", tuple(weights))
+        nested = (_numbers(w, axes) for w, axes in zip(weights, (1, 1, 2, 2), strict=True))
+        object.__setattr__(self, "_weights", tuple(nested))
 
     def coefficients(self, angle_of_attack: Any, mach: Any) -> tuple[Any, Any]:
         """(C_L, C_D), the edge held outside the table."""
@@ -149,7 +157,7 @@ class TabulatedAerodynamics:
         mach = np.minimum(np.maximum(mach, mach_knots[0]), mach_knots[-1])
         left, right = _clamped_basis(alpha_knots, alpha), _clamped_basis(mach_knots, mach)
 
-        def evaluate(table: Array) -> Any:
+        def evaluate(table: tuple[Any, ...]) -> Any:
             rows = [sum(w * b for w, b in zip(row, right, strict=True)) for row in table]
             return sum(row * b for row, b in zip(rows, left, strict=True))
 

@@ -7,7 +7,7 @@ corridor about the bearing of the target (Harpold & Graves 1979, J. Astronaut. S
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -61,6 +61,13 @@ class NodalGuess:
     bank_rate: Array
     final_time: float
     target_multipliers: Array | None = None  # of a solved neighbour, cost per SI unit of e
+
+    def for_rows(self, rows: int) -> NodalGuess:
+        """The same beside a target of so many rows: multipliers of another target say nothing of it."""
+        known = self.target_multipliers
+        if known is None or len(known) == rows:
+            return self
+        return replace(self, target_multipliers=None)
 
 
 def constant_bank_guess(mission: Mission, guess: ConstantBank) -> NodalGuess | None:

@@ -9,6 +9,7 @@ from dataclasses import replace
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
 from threadpoolctl import ThreadpoolController
 
 from ampi.missions.family import MissionFamily
@@ -140,6 +141,8 @@ def _condensed(
     """By Newton's iteration where the start is a solved neighbour and that is enough, else robustly."""
     problem = OptimalControlProblem.of(mission)
     nodal, warm = nodal_guess(mission, start), isinstance(start, Trajectory)
+    if nodal is not None:
+        nodal = nodal.for_rows(len(problem.target))
     if nodal is not None and nodal.target_multipliers is not None and subproblem is None:
         for _, found in newton(problem, [nodal], settings, one_by_one=True):
             return found
@@ -185,12 +188,12 @@ def solve_family(
     found: list[Trajectory | None] = [None] * len(guesses)
     if not cases:
         return found
-    part = family.take(cases)
-    problem = OptimalControlProblem.of(part)
-    starts = [
-        on_mesh_of(guesses[case], mesh, entry)
-        for case, entry in zip(cases, part.entry_states, strict=True)
-    ]
+    problem = OptimalControlProblem.of(family)
+    entry, rows = family.entry_states, len(problem.target)
+    starts = [on_mesh_of(guesses[case], mesh, entry[case]).for_rows(rows) for case in cases]
+    known = [k for k, start in enumerate(starts) if start.target_multipliers is not None]
+    cases, starts = [cases[k] for k in known], [starts[k] for k in known]
+    problem = problem.at(np.array(cases, dtype=np.intp))
     with _one_blas_thread():
         for place, solution in newton(problem, starts, settings):
             found[cases[place]] = solution

@@ -4,7 +4,7 @@ A density factor, a mass, a coefficient, a limit may change from case to case an
 expressions are built of does not. Two numbers belong to the structure: one that is exactly zero is a
 term that is not there, and the numbers of a table are its shape, unless a family moves one of them.
 
-A number of a family is an array over its cases, (c,); of an array with more axes they are the last.
+A number of a family is an array over its cases, (c,).
 """
 
 from __future__ import annotations
@@ -52,8 +52,6 @@ def taken_apart(value: Any) -> tuple[Hashable, Numbers]:
 
 
 def _structure(value: Any, numbers: Numbers) -> Hashable:
-    if isinstance(value, np.ndarray) and value.ndim > 1:
-        value = tuple(value)
     if isinstance(value, np.ndarray) or (isinstance(value, float) and value != 0.0):
         numbers.append(value)
         return NUMBER

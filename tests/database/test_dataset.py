@@ -141,7 +141,7 @@ def test_the_file_alone_solves_a_case_again_to_the_same_numbers(small_database: 
     neighbour = predicted(grid, int(np.ravel_multi_index(case, grid.shape)), solved)
     here = mission.with_parameters([axis[i] for axis, i in zip(grid.axes, case, strict=True)])
     assert neighbour is not None
-    (again,) = solve_family([here], [neighbour], settings)
+    (again,) = solve_family(MissionFamily.of([here]), [neighbour], settings)
     assert again is not None
     assert np.array_equal(again.states, content["states"][case])
     assert np.array_equal(again.bank_rate, content["bank_rate"][case])

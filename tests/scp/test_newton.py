@@ -14,6 +14,8 @@ import ampi
 from ampi.missions import Mission, load_mission
 from ampi.missions.family import MissionFamily
 from ampi.missions.loading import parse_mission
+from ampi.missions.parameters import at, with_numbers
+from ampi.physics.angles import TURN
 from ampi.propagation.reintegration import reintegrate
 from ampi.scp.condensed.exact_hessian import ExactHessianIteration
 from ampi.scp.condensed.iterate import ONE, Flight, Iterate, Point, RestorationSettings
@@ -27,7 +29,7 @@ from ampi.scp.condensed.transcription import radau_transcription
 from ampi.scp.guess import NodalGuess, from_trajectory, nodal_guess
 from ampi.scp.problem.scaled_problem import OptimalControlProblem
 from ampi.scp.solve import optimum as optimum_of
-from ampi.scp.solve import solve_family
+from ampi.scp.solve import solve, solve_family
 from ampi.trajectory import Status, Trajectory
 
 Array = NDArray[np.float64]
@@ -207,6 +209,106 @@ def test_models_that_differ_are_solved_together(mission: Mission, centre: Trajec
     assert found[0] is not None
     assert found[3] is not None
     assert np.array_equal(found[0].states, found[3].states)
+
+
+def test_members_may_differ_in_any_number(mission: Mission, centre: Trajectory) -> None:
+    """Density, lift, drag, mass and limits: the optima of `solve`, whatever the company."""
+    numbers: tuple[tuple[tuple[str, ...], float, float], ...] = (
+        (("atmosphere", "density_factor"), 0.99, 1.01),
+        (("vehicle", "lift_factor"), 1.01, 0.99),
+        (("vehicle", "drag_factor"), 1.005, 0.995),
+        (("vehicle", "mass"), 1.003, 1.0),
+        (("limits", "heat_flux"), 0.9, 1.1),
+        (("limits", "bank_angle"), 1.0, 0.95),
+        (("limits", "bank_rate"), 0.9, 1.05),
+        (("target", "altitude"), 1.0, 0.999),
+    )
+    members = [mission]
+    for k in (1, 2):
+        moved = [(one[0], one[k] * at(mission, one[0])) for one in numbers]
+        members += [with_numbers(mission, moved), with_numbers(mission, moved[:3])]
+    family = MissionFamily.of(members)
+    found = solve_family(family, [centre] * len(family))
+    for case, one in enumerate(found):
+        assert one is not None
+        other = solve(family.member(case), guess=centre)
+        assert (one.status, other.status) == (Status.SOLVED, Status.SOLVED)
+        assert one.cost == pytest.approx(other.cost, rel=2e-6)
+        assert one.cost == pytest.approx(robust(family.member(case), centre).cost, rel=2e-6)
+    for portion in ([0], [3, 1], [4], [2, 0, 4]):
+        again = solve_family(family.take(portion), [centre] * len(portion))
+        for case, one in zip(portion, again, strict=True):
+            assert_equal_bits(one, found[case])
+
+
+def under_way(mission: Mission, **entry: float) -> Mission:
+    """The mission with more of its entry given (SI)."""
+    return mission.model_copy(update={"entry": mission.entry.model_copy(update=entry)})
+
+
+def test_a_given_bank_angle_and_rate_are_met(mission: Mission, centre: Trajectory) -> None:
+    bank, rate = centre.states[6, 0] + np.radians(2.0), centre.bank_rate[0] - np.radians(0.05)
+    free, *given = (
+        alone(one, centre)
+        for one in (
+            mission,
+            under_way(mission, bank_angle=bank),
+            under_way(mission, bank_rate=rate),
+            under_way(mission, bank_angle=bank, bank_rate=rate),
+        )
+    )
+    assert free is not None
+    for k, found in enumerate(given):
+        assert found is not None
+        assert found.status is Status.SOLVED
+        assert found.cost > free.cost * (1.0 + 1e-6)  # every wish costs
+        if k != 1:
+            assert found.states[6, 0] == bank
+        if k != 0:
+            assert found.bank_rate[0] == pytest.approx(rate, abs=1e-12)
+    turned = alone(under_way(mission, bank_angle=bank + TURN, bank_rate=rate), centre)
+    assert turned is not None
+    assert turned.cost == pytest.approx(given[2].cost, rel=1e-9)
+    # in a family of values of their own
+    angles = bank + np.radians([0.0, 1.0])
+    members = [under_way(mission, bank_angle=float(angle), bank_rate=rate) for angle in angles]
+    family = solve_family(MissionFamily.of(members), [centre, centre])
+    assert_equal_bits(family[0], given[2])
+    assert family[1] is not None
+    assert family[1].states[6, 0] == angles[1]
+    # what the flight does of itself asks for nothing
+    same = under_way(mission, bank_angle=free.states[6, 0], bank_rate=free.bank_rate[0])
+    found = alone(same, centre)
+    assert found is not None
+    assert found.cost == pytest.approx(free.cost, rel=1e-9)
+
+
+def test_a_range_of_a_final_angle_is_held_at_its_bound(
+    mission: Mission, centre: Trajectory
+) -> None:
+    """From a neighbour that is held elsewhere, and from one that is not held."""
+    final = float(centre.states[4, -1])
+
+    def steeper(least: float, most: float) -> Mission:
+        angles = {"flight_path_angle": (final + np.radians(least), final + np.radians(most))}
+        return mission.model_copy(update={"target": mission.target.model_copy(update=angles)})
+
+    outside, inside = steeper(-3.0, -0.5), steeper(-2.0, 1.0)
+    start = replace(centre, target_multipliers=np.append(centre.target_multipliers, 0.0))
+    free, held = alone(inside, start), alone(outside, start)
+    assert free is not None
+    assert free.cost == pytest.approx(centre.cost, rel=1e-6)
+    assert free.target_multipliers[-1] == 0.0
+    assert_the_same(held, robust(outside, start))
+    assert held is not None
+    assert held.states[4, -1] == pytest.approx(final + np.radians(-0.5), abs=1e-9)
+    assert held.target_multipliers[-1] != 0.0
+    further = alone(steeper(-3.0, -0.6), held)
+    assert further is not None
+    assert further.cost > held.cost > free.cost
+    # a neighbour of another target has no multipliers for this one, and is still a guess
+    assert alone(outside, centre) is None
+    assert solve(outside, guess=centre).cost == pytest.approx(held.cost, rel=2e-6)
 
 
 Batch = SimpleNamespace  # flight, points (of two cases), guesses, begin: a run at them

@@ -7,7 +7,7 @@ objective terms are written down here once more. What remains common is the phys
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import casadi as ca
 import numpy as np
@@ -15,6 +15,7 @@ import pytest
 from numpy.typing import NDArray
 
 from ampi.missions import Mission, load_mission
+from ampi.missions.family import MissionFamily
 from ampi.missions.sections import NoFlyZoneSection
 from ampi.physics.equations_of_motion import equations_of_motion
 from ampi.physics.path_constraints import path_constraints
@@ -25,7 +26,7 @@ from ampi.pseudospectral.mesh import Mesh, Phase
 from ampi.scp.guess import ConstantBank, NodalGuess, constant_bank_guess, from_trajectory
 from ampi.scp.problem.objective import Objective
 from ampi.scp.problem.problem_numbers import ProblemNumbers
-from ampi.scp.solve import optimum
+from ampi.scp.solve import optimum, solve_family
 from ampi.trajectory import Status, Trajectory
 
 Array = NDArray[np.float64]
@@ -140,6 +141,11 @@ def nlp(
     low, high = np.full((n, 7), -np.inf), np.full((n, 7), np.inf)
     low[0, :6] = high[0, :6] = mission.entry_state / SCALE[:6]
     low[:, 6], high[:, 6] = -limits.bank_angle, limits.bank_angle
+    least_rate, most_rate = -1.0, 1.0
+    if mission.entry.bank_angle is not None:
+        low[0, 6] = high[0, 6] = mission.entry.bank_angle
+    if mission.entry.bank_rate is not None:
+        least_rate = most_rate = mission.entry.bank_rate / limits.bank_rate
     target = mission.target
     for i, name in enumerate(ENTRY_STATES):
         wish, weight = getattr(target, name), getattr(objective, f"{name}_weight", None)
@@ -193,8 +199,12 @@ def nlp(
         ),
         lbx=np.concatenate([low.ravel(), -np.ones(n - 1), np.zeros(2 + n_a)]),
         ubx=np.concatenate([high.ravel(), np.ones(n - 1), [np.inf, most], np.full(n_a, np.inf)]),
-        lbg=np.concatenate([equations, [-1.0], -banks, np.full(paths, -np.inf), np.zeros(2 * n_a)]),
-        ubg=np.concatenate([equations, [1.0], banks, np.ones(paths), np.full(2 * n_a, np.inf)]),
+        lbg=np.concatenate(
+            [equations, [least_rate], -banks, np.full(paths, -np.inf), np.zeros(2 * n_a)]
+        ),
+        ubg=np.concatenate(
+            [equations, [most_rate], banks, np.ones(paths), np.full(2 * n_a, np.inf)]
+        ),
     )
     values = np.array(found["x"]).ravel()
     return Optimum(
@@ -261,6 +271,53 @@ def test_an_optimum_on_the_heat_flux_limit(mission: Mission, nominal: Trajectory
     assert ours.cost > 5.0 * nominal.cost
     # from −30° IPOPT may end, by the last digits of the nodes, at a local optimum that costs 30 % more
     assert_the_same(ours, nlp(cool, flown(cool, -20.0), bank=ours.states[6]))
+
+
+def beside(neighbour: Mission, mission: Mission, guess: Trajectory) -> Trajectory:
+    """By Newton's iteration alone, from the optimum of a neighbour."""
+    start = optimum(neighbour, guess=guess)
+    assert start.status is Status.SOLVED
+    (found,) = solve_family(MissionFamily.of([mission]), [start])
+    assert found is not None
+    assert found.status is Status.SOLVED
+    return found
+
+
+def test_newtons_iteration_on_the_bank_limit(mission: Mission) -> None:
+    """Held between two nodes, where the polynomial touches it."""
+    free = optimum(mission)
+    highest = float(np.abs(free.states[6]).max())
+    limits = mission.limits.model_copy(update={"bank_angle": highest - np.radians(2.0)})
+    tight = mission.model_copy(update={"limits": limits})
+    ours = beside(mission, tight, free)
+    assert ours.cost > 1.01 * free.cost
+    witness = nlp(tight, from_trajectory(ours, tight), near=True)
+    assert witness.status in ("Solve_Succeeded", "Solved_To_Acceptable_Level")
+    assert ours.cost == pytest.approx(witness.cost, rel=1e-6)
+
+
+def test_newtons_iteration_with_a_given_entry_and_a_range(mission: Mission) -> None:
+    """Bank angle and rate at the entry, and a final path angle at the bound of its range."""
+    free = optimum(mission)
+    final = float(free.states[4, -1])
+    entry = mission.entry.model_copy(
+        update={
+            "bank_angle": float(free.states[6, 0]) + np.radians(2.0),
+            "bank_rate": float(free.bank_rate[0]) - np.radians(0.05),
+        }
+    )
+    target = mission.target.model_copy(
+        update={"flight_path_angle": (final - np.radians(2.0), final - np.radians(0.4))}
+    )
+    asked = mission.model_copy(update={"entry": entry, "target": target})
+    start = replace(free, target_multipliers=np.append(free.target_multipliers, 0.0))
+    (ours,) = solve_family(MissionFamily.of([asked]), [start])
+    assert ours is not None
+    assert ours.cost > 1.005 * free.cost
+    witness = nlp(asked, from_trajectory(ours, asked), near=True)
+    assert witness.status in ("Solve_Succeeded", "Solved_To_Acceptable_Level")
+    assert ours.cost == pytest.approx(witness.cost, rel=1e-6)
+    assert witness.states[4, -1] == pytest.approx(final - np.radians(0.4), abs=1e-7)
 
 
 def test_the_smallest_excess_of_a_hopeless_limit(mission: Mission, nominal: Trajectory) -> None:

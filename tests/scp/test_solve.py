@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
@@ -10,6 +11,7 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
 from ampi.missions import Mission
+from ampi.missions.family import MissionFamily
 from ampi.physics.equations_of_motion import equations_of_motion
 from ampi.physics.path_constraints import path_constraints
 from ampi.physics.planet import great_circle_distance
@@ -21,11 +23,12 @@ from ampi.scp.condensed.iterate import Point
 from ampi.scp.condensed.quadratic_model import Multipliers
 from ampi.scp.condensed.settings import SolverSettings
 from ampi.scp.condensed.subproblem import ConvexSubproblem, Step, solve_subproblem
+from ampi.scp.condensed.subproblem_cvxpy import solve_subproblem_cvxpy
 from ampi.scp.condensed.trust_region import TrustRegionSettings
 from ampi.scp.guess import ConstantBank, from_trajectory
 from ampi.scp.problem.penalty import PenaltySettings
 from ampi.scp.problem.scaled_problem import OptimalControlProblem
-from ampi.scp.solve import optimum, solve
+from ampi.scp.solve import optimum, solve, solve_family
 from ampi.trajectory import Status, Trajectory
 
 Array = NDArray[np.float64]
@@ -288,6 +291,35 @@ def test_the_iteration_limit_returns_the_flight_so_far(mission: Mission) -> None
     assert stopped.status is Status.ITERATION_LIMIT
     assert stopped.statistics.iterations == 2
     assert np.all(np.isfinite(stopped.states))
+
+
+def test_the_time_limit_returns_the_flight_so_far(mission: Mission, nominal: Trajectory) -> None:
+    """A constant bank and a neighbour alike, and the flight is the guess restored."""
+    settings = SolverSettings(time_limit=1e-9)
+    for guess in (GUESS, nominal, None):
+        stopped = solve(mission, guess=guess, settings=settings)
+        assert stopped.status is Status.TIME_LIMIT
+        assert np.all(np.isfinite(stopped.states))
+        assert stopped.statistics.iterations == 0
+    with pytest.raises(ValueError, match="time_limit"):
+        SolverSettings(time_limit=0.0)
+
+
+def test_a_constraint_of_the_users_own_holds(mission: Mission, nominal: Trajectory) -> None:
+    """In every step, also beside a solved neighbour: here that the entry bank angle stays."""
+    held = partial(solve_subproblem_cvxpy, extra_constraints=lambda z: [z[-1] == 0.0])
+    found = solve(mission, guess=GUESS, subproblem=held)
+    assert found.status is Status.SOLVED
+    assert found.states[6, 0] == pytest.approx(GUESS.bank_angle, abs=1e-7)
+    assert found.cost > nominal.cost
+    entry = mission.entry.model_copy(update={"bank_angle": GUESS.bank_angle})
+    asked = mission.model_copy(update={"entry": entry})
+    (near,) = solve_family(MissionFamily.of([asked]), [found])
+    assert near is not None
+    for other in (near, solve(asked, guess=GUESS)):
+        assert found.cost == pytest.approx(other.cost, rel=1e-6)
+    beside = solve(mission, guess=replace(found, states=nominal.states), subproblem=held)
+    assert beside.states[6, 0] == pytest.approx(nominal.states[6, 0], abs=1e-7)
 
 
 def test_a_collapsed_trust_region_is_a_stall(mission: Mission) -> None:

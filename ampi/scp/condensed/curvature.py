@@ -18,9 +18,45 @@ from numpy.typing import NDArray
 
 from ampi.physics.state import BANK, LONGITUDE, N_STATES
 from ampi.scp.condensed.condensing import MOVING, Cases, CondensedDynamics
+from ampi.scp.condensed.transcription import RadauTranscription
+from ampi.scp.problem.scaled_problem import OptimalControlProblem, by_case
 from ampi.tracing.dynamics import TIME, Entries
 
 Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, kw_only=True)
+class CurvatureSettings:
+    """Relative to the mean curvature of the reference effort over δu."""
+
+    floor: float = 1e-3  # least eigenvalue kept by the convexification
+    free_variables: float = 10.0  # Gauss–Newton curvature given to δt_f and δσ₀
+    no_effort: float = 1e-2  # Gauss–Newton curvature given to δu, at least
+    screening: float = 0.6  # path rows enter the subproblem where g exceeds this
+    bank_screening: float = 0.85  # rows between the nodes where the bank angle exceeds this share
+    kink: float = 0.999  # an absolute value is held at zero below this share of its weight
+
+
+def reference_curvature(
+    problem: OptimalControlProblem, t: RadauTranscription, final_time: Array
+) -> Array:
+    """Curvature over δu (c, n − 1) that an effort worth the whole objective would have."""
+    weight = by_case(problem.objective.reference_effort)
+    return np.asarray(2.0 * weight * t.half_lengths(final_time) * t.weights)
+
+
+def gauss_newton(
+    problem: OptimalControlProblem,
+    t: RadauTranscription,
+    final_time: Array,
+    settings: CurvatureSettings,
+) -> Array:
+    """The diagonal of Gauss–Newton's model, (c, n_z): the effort's curvature, or a little of it."""
+    reference, objective = reference_curvature(problem, t, final_time), problem.objective
+    effort = by_case(objective.effort / objective.reference_effort)
+    free = settings.free_variables * reference.mean(axis=1, keepdims=True)
+    share = np.maximum(effort, settings.no_effort)
+    return np.asarray(share * np.concatenate([reference, free, free], axis=1))
 
 
 @dataclass(frozen=True, eq=False)

@@ -31,13 +31,13 @@ from numpy.typing import NDArray
 from ampi.scp.condensed.active_set import solve_active_set
 from ampi.scp.condensed.condensing import CondensedDynamics
 from ampi.scp.condensed.convexify import CurvatureFloor
+from ampi.scp.condensed.curvature import reference_curvature
 from ampi.scp.condensed.elastic_target import elastic_cost, held_targets
 from ampi.scp.condensed.iterate import ONE, Flight, Iterate, Point
 from ampi.scp.condensed.merit_weights import MeritWeights
 from ampi.scp.condensed.quadratic_model import (
     Multipliers,
     quadratic_subproblem,
-    reference_curvature,
     with_merit,
 )
 from ampi.scp.condensed.settings import SolverSettings
@@ -92,6 +92,7 @@ class ExactHessianIteration:
         point = None if guess is None else self.flight.first_point(guess)
         if guess is None or point is None:
             return self.result(None, Status.GUESS_FAILED)
+        self.multipliers = Multipliers.first(self.problem, point)
         status, model = Status.ITERATION_LIMIT, None
         for iteration in range(1, self.settings.max_iterations + 1):
             if self.settings.is_over(self.began):
@@ -162,13 +163,14 @@ class ExactHessianIteration:
     ) -> tuple[CondensedDynamics, ConvexSubproblem]:
         """First linearisation; it sets the elastic price and the penalty (elastic_target, Eq. (3))."""
         problem = self.problem
-        self.multipliers = Multipliers.first(problem, point)
         multipliers = None if neighbour is None else _multipliers_of(neighbour, problem)
         known = multipliers is not None
         if multipliers is not None:
             self.multipliers = replace(self.multipliers, target=multipliers)
         final_time = point.iterate.final_time
-        curvature = reference_curvature(self.flight, final_time)
+        curvature = reference_curvature(problem, self.flight.transcription, np.array([final_time]))[
+            0
+        ]
         everything = np.ones(len(problem.target), dtype=bool)
         condensed, convex = self.model(point, everything if known else None)
         self.weights.start(

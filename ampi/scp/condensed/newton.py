@@ -158,9 +158,15 @@ class NewtonIteration:
 
         Where that holds no limit, the multipliers of the neighbour are as good.
         """
-        shift = self.shift(system)
+        right_side = system.right_side(self.shift(system))
         changes, multipliers = self.settings.newton.set_changes, self.multipliers
-        _, _, target, limits = system.solution(*system.right_side(shift), multipliers.side, changes)
+        z, _, target, limits = system.solution(*right_side, multipliers.side, changes)
+        lost = np.flatnonzero(~np.isfinite(z[:, 0]))
+        if len(lost):  # it may be a limit alone that keeps H positive definite
+            convex = system.gauss_newton(self.settings.curvature)
+            multipliers.side[lost] = 0
+            found = convex.solution(*right_side, multipliers.side, changes, lost)
+            target[lost], limits[lost] = found[2][lost], found[3][lost]
         limited = multipliers.side.any(axis=1)
         if not limited.any():
             return system

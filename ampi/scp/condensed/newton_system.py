@@ -15,7 +15,7 @@ from ampi.scp.condensed.cost import (
     integrand_multipliers,
     smooth_gradient,
 )
-from ampi.scp.condensed.curvature import Curvature
+from ampi.scp.condensed.curvature import Curvature, CurvatureSettings, gauss_newton
 from ampi.scp.condensed.dual_steps import LimitedStep
 from ampi.scp.condensed.kkt_factors import KktFactors
 from ampi.scp.condensed.limit_rows import LimitRows, Sides, following
@@ -102,14 +102,32 @@ class NewtonSystem:
         )
         return value + self.rows.moved(change, 0.0 * rate, np.zeros(len(cases)), cases)
 
+    def gauss_newton(self, settings: CurvatureSettings) -> NewtonSystem:
+        """The same with the effort's curvature alone: convex whatever the multipliers are."""
+        points = self.points
+        diagonal = gauss_newton(points.problem, points.transcription, points.final_time, settings)
+        hessian = np.zeros_like(self.hessian)
+        at = np.arange(diagonal.shape[1])
+        hessian[:, at, at] = diagonal
+        return replace(self, hessian=hessian)
+
     def solution(
-        self, gradient: Array, errors: Array, value: Array, side: Sides, set_changes: int
+        self,
+        gradient: Array,
+        errors: Array,
+        value: Array,
+        side: Sides,
+        set_changes: int,
+        cases: Cases | None = None,
     ) -> tuple[Array, Array, Array, Array]:
-        """z (c, n_z), Z z (7, c, n), λ and ν of Eq. (1); NaN where the held set does not settle."""
+        """z (c, n_z), Z z (7, c, n), λ and ν of Eq. (1); NaN where the held set does not settle.
+
+        Of `cases`, or of all.
+        """
         points, rows = self.points, self.rows
         changes = np.zeros((N_STATES, *points.x.shape[1:]))
         z, on_target = np.full_like(gradient, np.nan), np.full_like(errors, np.nan)
-        on_limits, pending = np.zeros_like(value), points.everyone
+        on_limits, pending = np.zeros_like(value), points.everyone if cases is None else cases
         for exchange in range(AT_ONCE + 1):
             if exchange == AT_ONCE:
                 for case in pending:

@@ -27,7 +27,12 @@ from ampi.scp.condensed.cost import (
     integrand_multipliers,
     smooth_gradient,
 )
-from ampi.scp.condensed.curvature import Curvature
+from ampi.scp.condensed.curvature import (
+    Curvature,
+    CurvatureSettings,
+    gauss_newton,
+    reference_curvature,
+)
 from ampi.scp.condensed.iterate import ONE, Flight, Point
 from ampi.scp.condensed.subproblem import ConvexSubproblem, Step
 from ampi.scp.condensed.transcription import RadauTranscription
@@ -35,18 +40,6 @@ from ampi.scp.problem.scaled_problem import OptimalControlProblem
 from ampi.tracing.dynamics import entries
 
 Array = NDArray[np.float64]
-
-
-@dataclass(frozen=True, kw_only=True)
-class CurvatureSettings:
-    """Relative to the mean curvature of the reference effort over δu."""
-
-    floor: float = 1e-3  # least eigenvalue kept by the convexification
-    free_variables: float = 10.0  # Gauss–Newton curvature given to δt_f and δσ₀
-    no_effort: float = 1e-2  # Gauss–Newton curvature given to δu, at least
-    screening: float = 0.6  # path rows enter the subproblem where g exceeds this
-    bank_screening: float = 0.85  # rows between the nodes where the bank angle exceeds this share
-    kink: float = 0.999  # an absolute value is held at zero below this share of its weight
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,15 +87,15 @@ def quadratic_subproblem(
     target, absolute = problem.target, point.absolute
     target_map = condensed.final_map[0, target.state]
     rows = _absolute_rows(flight, point, condensed)
-    reference = reference_curvature(flight, iterate.final_time)
+    final_time = iterate.batch[2]
     if met is None:
-        hessian = _gauss_newton(flight, iterate.final_time, condensed.n_variables, settings)
+        hessian = np.diag(gauss_newton(problem, t, final_time, settings)[0])
     else:
         kinked = np.abs(multipliers.absolute) < settings.kink * absolute.weight
         held = np.concatenate([target_map[met], rows[kinked]])
         hessian = lagrangian_hessian(flight, point, condensed, multipliers)
-        hessian = convexify_on_tangent(hessian, held, settings.floor * float(reference.mean()))
-
+        floor = settings.floor * float(reference_curvature(problem, t, final_time).mean())
+        hessian = convexify_on_tangent(hessian, held, floor)
     node, kind = np.nonzero(point.path > settings.screening)
     path_rows = condensed.rows(0, node, _limit_gradients(condensed, problem.n_limits)[kind, node])
     bank, limit = iterate.states[:, BANK], problem.bank_limit
@@ -159,22 +152,6 @@ def with_merit(
         target_price=price,
         limit_penalty=penalty,
     )
-
-
-def reference_curvature(flight: Flight, final_time: float) -> Array:
-    """Curvature over δu (n_u,) that an effort worth the whole objective would have."""
-    t, weight = flight.transcription, flight.problem.objective.reference_effort
-    return np.asarray(2.0 * weight * t.half_lengths(final_time) * t.weights)
-
-
-def _gauss_newton(
-    flight: Flight, final_time: float, n_z: int, settings: CurvatureSettings
-) -> Array:
-    reference, objective = reference_curvature(flight, final_time), flight.problem.objective
-    share = max(objective.effort / objective.reference_effort, settings.no_effort)
-    diagonal = np.full(n_z, share * settings.free_variables * float(reference.mean()))
-    diagonal[: len(reference)] = share * reference
-    return np.diag(diagonal)
 
 
 def _limit_gradients(condensed: CondensedDynamics, n_limits: int) -> Array:

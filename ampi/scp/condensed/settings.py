@@ -5,10 +5,10 @@ from __future__ import annotations
 import time
 from dataclasses import dataclass, field
 
+from ampi.scp.condensed.curvature import CurvatureSettings
 from ampi.scp.condensed.elastic_target import ElasticSettings
 from ampi.scp.condensed.iterate import RestorationSettings
 from ampi.scp.condensed.merit_weights import ReliefSettings
-from ampi.scp.condensed.quadratic_model import CurvatureSettings
 from ampi.scp.condensed.trust_region import TrustRegionSettings
 from ampi.scp.problem.convergence import ConvergenceSettings
 from ampi.scp.problem.penalty import PenaltySettings

@@ -35,6 +35,9 @@ class ProblemNumbers:
             value = getattr(getattr(self.mission, name), field)
             if self.family is None or value is None:
                 return value
+            if isinstance(value, tuple):  # a range: both its ends
+                ends = range(len(value))
+                return tuple(self.family.numbers((name, field, str(end))) for end in ends)
             return self.family.numbers((name, field))
 
         return number

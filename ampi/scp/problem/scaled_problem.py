@@ -32,7 +32,7 @@ from ampi.scp.problem.objective import Objective
 from ampi.scp.problem.problem_numbers import ProblemNumbers
 from ampi.tracing.dynamics import NodeDynamics, Physics, node_dynamics
 from ampi.tracing.node_functions import NodeFunctions
-from ampi.tracing.numbers import Numbers, at_cases
+from ampi.tracing.numbers import Numbers, at_cases, is_zero
 
 Array = NDArray[np.float64]
 Cases = NDArray[np.intp]
@@ -126,6 +126,11 @@ def _columns(values: list[Any]) -> Array:
     return np.stack(np.broadcast_arrays(*values), axis=-1) if values else np.zeros(0)
 
 
+def _over(weight: Any, scale: Any) -> Any:
+    """A weight over a scale: zero for all cases stays the number that it is, and the term away."""
+    return weight if is_zero(weight) else weight / scale
+
+
 def _beside(value: Any) -> Any:
     """An array over cases as a column, for arrays with an axis of rows."""
     return value[:, None] if isinstance(value, np.ndarray) and value.ndim else value
@@ -161,13 +166,14 @@ class OptimalControlProblem:
         objective = Objective.of(numbers)
         given, target = numbers.section("objective"), numbers.section("target")
         limits, rate = numbers.limits, numbers.designed("bank_rate")
+        bank = numbers.section("entry")("bank_angle")
         tolerances = [target("altitude_tolerance") / scale[0], target("speed_tolerance") / scale[3]]
         entry = source.entry_state if isinstance(source, Mission) else source.entry_states
         functions = NodeFunctions(
             limits=limits,
             shares=tuple(numbers.share(name) for name in limits.on_the_path),
-            heat_load=given("heat_load") * 1e-6 / objective.cost_scale,
-            ground_range=given("ground_range") * 1e-3 / objective.cost_scale,
+            heat_load=_over(given("heat_load") * 1e-6, objective.cost_scale),
+            ground_range=_over(given("ground_range") * 1e-3, objective.cost_scale),
             desired_altitude_rate=given("desired_altitude_rate"),
         )
         physics = Physics.of(numbers.model, functions, rate)
@@ -176,7 +182,7 @@ class OptimalControlProblem:
             mesh=numbers.mission.pseudospectral_mesh,
             scaling=scaling,
             entry=entry / scale[:6],
-            entry_bank_angle=numbers.section("entry")("bank_angle"),
+            entry_bank_angle=None if bank is None else on_turn_of(bank, 0.0),
             entry_bank_rate=numbers.section("entry")("bank_rate"),
             target=Target.of(numbers, scale, objective.cost_scale),
             objective=objective,
