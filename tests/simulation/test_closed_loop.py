@@ -21,7 +21,7 @@ from ampi.missions.sections import EntrySection
 from ampi.onboard.reference import Mode
 from ampi.physics.equations_of_motion import equations_of_motion
 from ampi.physics.state import ENTRY_STATES
-from ampi.simulation.closed_loop import LONGEST, FlightBatch, FlightStatus, PlantSettings, fly_batch
+from ampi.simulation.closed_loop import PLANT, FlightBatch, FlightStatus, PlantSettings, fly_batch
 from ampi.simulation.dispersions import Dispersions, Distribution
 from ampi.tracking.bank_limiter import BankLimits
 from ampi.trajectory import Status
@@ -213,7 +213,7 @@ def test_a_vehicle_that_leaves_the_planet_meets_the_time_limit(
     entry[[3, 4]] = 11.5e3, np.radians(30.0)
     batch = fly(mission, guidance, np.vstack([mission.entry_state, entry]))
     assert batch.status.tolist() == [int(FlightStatus.REACHED_SPEED), int(FlightStatus.TIME_LIMIT)]
-    longest = LONGEST * guidance.reference(entry[MEASURED]).final_time
+    longest = PLANT.longest * guidance.reference(entry[MEASURED]).final_time
     assert batch.final_time[1] == longest  # of its own reference, whoever flies beside it
     assert np.all(np.isfinite(batch.final_states[1]))
     assert np.all(np.isfinite(batch.states[1]))
