@@ -92,7 +92,6 @@ class ExactHessianIteration:
         point = None if guess is None else self.flight.first_point(guess)
         if guess is None or point is None:
             return self.result(None, Status.GUESS_FAILED)
-        self.multipliers = Multipliers.first(self.problem, point)
         status, model = Status.ITERATION_LIMIT, None
         for iteration in range(1, self.settings.max_iterations + 1):
             if self.settings.is_over(self.began):
@@ -163,6 +162,7 @@ class ExactHessianIteration:
     ) -> tuple[CondensedDynamics, ConvexSubproblem]:
         """First linearisation; it sets the elastic price and the penalty (elastic_target, Eq. (3))."""
         problem = self.problem
+        self.multipliers = Multipliers.first(problem, point)
         multipliers = None if neighbour is None else _multipliers_of(neighbour, problem)
         known = multipliers is not None
         if multipliers is not None:
@@ -315,7 +315,9 @@ class ExactHessianIteration:
             rate = rate * problem.bank_rate_limit
             final_time, excess = point.iterate.final_time, point.excess
             cost = point.cost + problem.target.quadratic(point.target_error)
-        known = None if point is None else self.multipliers.target / problem.multiplier_scale
+        known = None
+        if point is not None and self.log:
+            known = self.multipliers.target / problem.multiplier_scale
         return Trajectory(
             mesh=problem.mesh,
             states=states.T.copy(),
