@@ -102,7 +102,7 @@ def test_records_that_wait_long_are_flushed_before_the_portion_is_whole(
 
 
 def test_what_newton_leaves_has_no_record(campaign: Campaign, tmp_path: Path) -> None:
-    # At a bank limit that leaves little else: portions solve what they can, each of the others goes alone.
+    # At a bank limit that leaves little else: each of those beyond a portion's reach goes alone.
     tight = campaign.toml.replace("bank_angle_deg = 60.0", "bank_angle_deg = 40.0")
     assert tight != campaign.toml
     path = tmp_path / "tight.h5"

@@ -10,6 +10,7 @@ from ampi.missions.loading import parse_mission
 from ampi.scp.condensed.iterate import Flight, Point, RestorationSettings
 from ampi.scp.guess import ConstantBank, constant_bank_guess, from_trajectory
 from ampi.scp.problem.scaled_problem import OptimalControlProblem
+from ampi.scp.solve import optimum as optimum_of
 from ampi.scp.solve import solve
 from ampi.trajectory import Trajectory
 
@@ -48,6 +49,12 @@ def constant_bank_point(flight: Flight, mission: Mission) -> Point:
 def nominal(mission: Mission) -> Trajectory:
     """The optimum from that flight."""
     return solve(mission, guess=GUESS)
+
+
+@pytest.fixture(scope="session")
+def centre(mission: Mission) -> Trajectory:
+    """The optimum of the mission's own branch, clear of all limits."""
+    return optimum_of(mission)
 
 
 @pytest.fixture(scope="session")

@@ -294,7 +294,6 @@ def test_the_iteration_limit_returns_the_flight_so_far(mission: Mission) -> None
 
 
 def test_the_time_limit_returns_the_flight_so_far(mission: Mission, nominal: Trajectory) -> None:
-    """A constant bank and a neighbour alike, and the flight is the guess restored."""
     settings = SolverSettings(time_limit=1e-9)
     for guess in (GUESS, nominal, None):
         stopped = solve(mission, guess=guess, settings=settings)
