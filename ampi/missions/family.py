@@ -94,7 +94,13 @@ class MissionFamily(Generic[AnyMission]):
         return PathLimits.of(self._over_cases(trailing))
 
     def _over_cases(self, trailing: int) -> AnyMission:
-        """The mission with its numbers as arrays."""
+        """The mission with its numbers as arrays, made once."""
+        made: dict[int, AnyMission] = self.__dict__.setdefault("_made", {})
+        if trailing not in made:
+            made[trailing] = self._with_arrays(trailing)
+        return made[trailing]
+
+    def _with_arrays(self, trailing: int) -> AnyMission:
         shape = (len(self), *[1] * trailing)
         columns: list[Any] = [
             float(column[0]) if _is_one_number(column) else column.reshape(shape)

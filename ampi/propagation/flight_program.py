@@ -25,7 +25,8 @@ from ampi.propagation.adaptive_step import Accuracy, IntegrationError
 from ampi.pseudospectral.lagrange import interpolation_matrix
 from ampi.pseudospectral.mesh import Mesh
 from ampi.tracing.dynamics import trace
-from ampi.tracing.numbers import Numbers
+from ampi.tracing.numbers import Numbers, at_cases
+from ampi.tracing.vectorised import VectorisedFunction
 
 Array = NDArray[np.float64]
 
@@ -134,6 +135,48 @@ def fly(
     raise IntegrationError("no step is short enough")
 
 
+def fly_together(
+    structure: Hashable,
+    numbers: Numbers,
+    mesh: Mesh,
+    states: Array,
+    final_time: Array,
+    accuracy: Accuracy,
+) -> list[Flown]:
+    """`fly` for trajectories `states` (c, 7, n) with `final_time` (c,), step by step for all of them.
+
+    Who needs shorter steps, or ends before, is flown alone.
+    """
+    found: dict[int, Flown] = {}
+    horizons = HORIZON * np.ceil(final_time / HORIZON)
+    for horizon in np.unique(horizons):
+        cases = np.flatnonzero(horizons == horizon)
+        steps, durations = steps_on(mesh, float(horizon), 0), final_time[cases]
+        begin = steps.start[0] + steps.start[1] * durations[:, None]
+        length = steps.length[0] + steps.length[1] * durations[:, None]
+        bank = (steps.stages @ states[cases, BANK, :, None])[..., 0]
+        bank = bank.reshape(len(cases), -1, STAGES).transpose(1, 2, 0).copy()
+        step, own = _vectorised_step(structure), at_cases(numbers, cases)
+        path = np.empty((3, length.shape[1], BANK, len(cases)))  # ends, errors of both orders
+        x = np.ascontiguousarray(states[cases, :BANK, 0].T)
+        for k in range(length.shape[1]):
+            path[:, k] = step(x, bank[k], begin[None, :, k].copy(), length[None, :, k].copy(), own)
+            x = path[0, k]
+        flown = np.concatenate([states[cases, :BANK, :1], path[0].transpose(2, 1, 0)], axis=2)
+        deviation = flown - states[cases, :BANK] @ steps.ends.T
+        for j, case in enumerate(cases.tolist()):
+            inside = np.all(flown[j, ALTITUDE] >= GROUND)
+            inside &= np.all(np.abs(flown[j, FLIGHT_PATH_ANGLE]) <= STEEPEST)
+            errors = _errors(flown[j], path[1, :, :, j], path[2, :, :, j], length[j], accuracy)
+            if inside and np.all(errors <= 1.0):
+                times = np.append(begin[j], begin[j, -1] + length[j, -1])
+                found[case] = Flown(times, flown[j], deviation[j], steps.at_nodes)
+            else:
+                alone = at_cases(numbers, case)
+                found[case] = fly(structure, alone, mesh, states[case], durations[j], accuracy)
+    return [found[case] for case in range(len(states))]
+
+
 def _errors(states: Array, fifth: Array, third: Array, length: Array, accuracy: Accuracy) -> Array:
     """Of all steps (k,), over what is allowed (Hairer, Nørsett & Wanner 1993, Section II.10)."""
     small = accuracy.absolute(BANK, 1)
@@ -172,6 +215,11 @@ class _Program:
 def _program(structure: Hashable, count: int) -> _Program:
     step = _step(structure)
     return _Program(step, count, step.size1_in(4))
+
+
+@lru_cache(maxsize=16)
+def _vectorised_step(structure: Hashable) -> VectorisedFunction:
+    return VectorisedFunction(_step(structure))
 
 
 @lru_cache(maxsize=16)

@@ -12,6 +12,7 @@ does where the path is vertical, and the equations of motion have no azimuth.
 
 from __future__ import annotations
 
+from collections.abc import Hashable
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -29,17 +30,18 @@ from ampi.physics.state import (
     SPEED,
 )
 from ampi.propagation.adaptive_step import Accuracy, IntegrationError
-from ampi.propagation.flight_program import HORIZON, fly
+from ampi.propagation.flight_program import HORIZON, Flown, fly, fly_together
 from ampi.pseudospectral.lagrange import interpolation_matrix
 from ampi.pseudospectral.mesh import Mesh
 from ampi.tracing.dynamics import Physics
 from ampi.tracing.node_functions import NodeFunctions
-from ampi.tracing.numbers import at_cases
+from ampi.tracing.numbers import Numbers, at_cases
 from ampi.trajectory import FlightCheck, Trajectory
 
 Array = NDArray[np.float64]
 
 ACCURACY = Accuracy(relative=3e-8)
+MANY = 50  # flights: the calls of ufuncs are then worth their while
 
 
 @dataclass(frozen=True)
@@ -127,9 +129,8 @@ def reintegrate_many(
     bank_rate = states[:, BANK] @ points.slopes.T
     bank_rate /= points.half[0] + points.half[1] * final_time[:, None]
     nodes = np.empty((len(states), BANK, mesh.n_nodes))
-    for case, (trajectory, duration) in enumerate(zip(states, final_time.tolist(), strict=True)):
-        numbers = at_cases(physics.numbers, case)
-        flown = fly(physics.structure, numbers, mesh, trajectory, duration, ACCURACY)
+    flights = (physics.structure, physics.numbers, mesh, states, final_time, ACCURACY)
+    for case, flown in enumerate(_flown(*flights)):
         nodes[case] = flown.states[:, flown.at_nodes]
         # the polynomials are smooth between the ends of steps, and so is what they miss
         for state, missed in zip(fine_states[case], flown.deviation, strict=False):
@@ -153,6 +154,23 @@ def reintegrate_many(
         fine_states=fine_states,
         fine_path=fine_path,
     )
+
+
+def _flown(
+    structure: Hashable,
+    numbers: Numbers,
+    mesh: Mesh,
+    states: Array,
+    final_time: Array,
+    accuracy: Accuracy,
+) -> list[Flown]:
+    """A few are flown one after the other, many together: whichever is faster."""
+    if len(states) >= MANY:
+        return fly_together(structure, numbers, mesh, states, final_time, accuracy)
+    return [
+        fly(structure, at_cases(numbers, case), mesh, states[case], duration, accuracy)
+        for case, duration in enumerate(final_time.tolist())
+    ]
 
 
 @dataclass(frozen=True, eq=False)

@@ -142,10 +142,7 @@ class NewtonIteration:
                 left = good & ~done
                 done &= self.restore(system.condensed, done, last)
                 kept = self.keeps_limits(system.rows)
-            for case in np.flatnonzero(done & kept):
-                solution = self.trajectory(int(case), everyone)
-                if solution.status.ok:
-                    yield int(self.numbers[case]), solution
+            yield from self.solutions(np.flatnonzero(done & kept), everyone)
             size[done & ~kept] = np.inf  # one more limit is to be held: by a step of any size
             left |= done & ~kept
             self.keep(left)
@@ -334,14 +331,22 @@ class NewtonIteration:
                 )
             )
 
-    def trajectory(self, case: int, everyone: int) -> Trajectory:
-        """One converged case in SI; the time is its share of that of `everyone`."""
+    def solutions(self, cases: Cases, everyone: int) -> Iterator[tuple[int, Trajectory]]:
+        """(place, solution) of those of the converged `cases` that meet the target."""
+        seconds = (time.perf_counter() - self.began) / everyone
+        rates, costs = self.points.rate(cases), self.points.cost(cases).tolist()
+        for case, rate, cost in zip(cases.tolist(), rates, costs, strict=True):
+            solution = self.trajectory(case, rate, cost, seconds)
+            if solution.status.ok:
+                yield int(self.numbers[case]), solution
+
+    def trajectory(self, case: int, rate: Array, cost: float, seconds: float) -> Trajectory:
+        """One converged case in SI, with û (n,) and its cost; `seconds` is its share of the time."""
         points, problem = self.points, self.points.problem.at(case)
         excess = limit_excess(points.path[:, case].T)
         final, settings = points.x[:, case, -1], self.settings.convergence
         status: Status = converged_status(settings, problem, final, excess, bought_off=False)
-        rate = points.rate(np.array([case]))[0] * problem.bank_rate_limit
-        cost, rows = float(points.cost(np.array([case]))[0]), self.logs[case]
+        rows = self.logs[case]
         log = (*rows[:-1], replace(rows[-1], cost=cost, merit=cost))  # restored since
         multipliers, target = np.zeros(len(problem.target)), problem.target
         multipliers[target.held] = self.multipliers.target[case, : len(target.held)]
@@ -350,13 +355,13 @@ class NewtonIteration:
         return Trajectory(
             mesh=problem.mesh,
             states=points.x[:, case] * np.array(problem.scaling.states)[:, None],
-            bank_rate=rate,
+            bank_rate=rate * problem.bank_rate_limit,
             final_time=float(points.final_time[case]),
             cost=cost,
             status=status,
             statistics=Statistics(
                 iterations=len(log),
-                solve_seconds=(time.perf_counter() - self.began) / everyone,
+                solve_seconds=seconds,
                 limit_excess=tuple(excess.tolist()),
                 log=log,
             ),
