@@ -6,7 +6,7 @@ BIN = $(VENV)/bin
 export OMP_NUM_THREADS = 1
 export OPENBLAS_NUM_THREADS = 1
 
-.PHONY: demo test lint types contracts check benchmark benchmark-factory wheel lock clean
+.PHONY: demo test lint types contracts check benchmark benchmark-factory benchmark-solver wheel lock clean
 
 demo: $(VENV)/.demo
 	mkdir -p demo
@@ -34,6 +34,9 @@ benchmark: $(VENV)/.test
 
 benchmark-factory: $(VENV)/.test
 	$(BIN)/python scripts/benchmark_factory.py
+
+benchmark-solver: $(VENV)/.test
+	$(BIN)/python scripts/benchmark_solver.py
 
 wheel: $(VENV)/.test
 	$(BIN)/pip wheel --no-deps --wheel-dir dist .

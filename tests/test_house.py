@@ -16,7 +16,7 @@ FUNCTION_LINES = 60  # its docstring included
 # what is open still; the lists may only shrink
 LONG_FILES: set[str] = set()
 LONG_FUNCTIONS: set[str] = set()
-UNREACHED = {"ampi.scp.condensed.subproblem_cvxpy"}
+UNREACHED: set[str] = set()
 
 # what people start and import: the packages, the commands, the scripts, and what the README shows
 DOORS = {"ampi", "ampi.cli.__main__", "database"}
