@@ -156,13 +156,13 @@ class NewtonIteration:
         Where that holds no limit, the multipliers of the neighbour are as good.
         """
         right_side = system.right_side(self.shift(system))
-        changes, multipliers = self.settings.newton.set_changes, self.multipliers
-        z, _, target, limits = system.solution(*right_side, multipliers.side, changes)
+        settings, multipliers = self.settings.newton, self.multipliers
+        z, _, target, limits = system.solution(*right_side, multipliers.side, settings)
         lost = np.flatnonzero(~np.isfinite(z[:, 0]))
         if len(lost):  # it may be a limit alone that keeps H positive definite
             convex = system.gauss_newton(self.settings.curvature)
             multipliers.side[lost] = 0
-            found = convex.solution(*right_side, multipliers.side, changes, lost)
+            found = convex.solution(*right_side, multipliers.side, settings, lost)
             target[lost], limits[lost] = found[2][lost], found[3][lost]
         limited = multipliers.side.any(axis=1)
         if not limited.any():
@@ -178,9 +178,9 @@ class NewtonIteration:
     def newton_step(self, system: NewtonSystem) -> Array:
         """Take the whole step: its size (c,)."""
         points, multipliers, shift = self.points, self.multipliers, self.shift(system)
-        changes = self.settings.newton.set_changes
+        settings = self.settings.newton
         z, change, multipliers.target, multipliers.limits = system.solution(
-            *system.right_side(shift), multipliers.side, changes
+            *system.right_side(shift), multipliers.side, settings
         )
         size = points.take(points.everyone, z, change, shift)
         self.record(points.everyone, size, ConeStatus.SOLVED)

@@ -20,11 +20,10 @@ from ampi.scp.condensed.dual_steps import LimitedStep
 from ampi.scp.condensed.kkt_factors import KktFactors
 from ampi.scp.condensed.limit_rows import LimitRows, Sides, following
 from ampi.scp.condensed.points import Points, zero_states
+from ampi.scp.condensed.settings import NewtonSettings
 from ampi.tracing.dynamics import entries
 
 Array = NDArray[np.float64]
-
-AT_ONCE = 5  # exchanges of all rows that should come or go, before they do so one after the other
 
 
 @dataclass(eq=False)
@@ -117,7 +116,7 @@ class NewtonSystem:
         errors: Array,
         value: Array,
         side: Sides,
-        set_changes: int,
+        settings: NewtonSettings,
         cases: Cases | None = None,
     ) -> tuple[Array, Array, Array, Array]:
         """z (c, n_z), Z z (7, c, n), λ and ν of Eq. (1); NaN where the held set does not settle.
@@ -128,10 +127,10 @@ class NewtonSystem:
         changes = np.zeros((N_STATES, *points.x.shape[1:]))
         z, on_target = np.full_like(gradient, np.nan), np.full_like(errors, np.nan)
         on_limits, pending = np.zeros_like(value), points.everyone if cases is None else cases
-        for exchange in range(AT_ONCE + 1):
-            if exchange == AT_ONCE:
+        for exchange in range(settings.exchanges + 1):
+            if exchange == settings.exchanges:
                 for case in pending:
-                    self._one_by_one(case, side, gradient, errors, value, set_changes)
+                    self._one_by_one(case, side, gradient, errors, value, settings.dual_steps)
             for case in pending:
                 self.factors[case] = self._factored(case, side[case])
                 found = self.held_solution(

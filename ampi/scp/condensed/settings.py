@@ -24,7 +24,8 @@ class NewtonSettings:
     fast: float = 0.1
     contraction: float = 0.5  # of the step from one iteration to the next, at least
     largest_step: float = 0.3  # rad: what is farther away is no neighbour
-    set_changes: int = 40  # of the limits that are held, with the same matrices
+    exchanges: int = 5  # of all limits that should be held or not, with the same matrices; then
+    dual_steps: int = 40  # at most, which let them come and go one by one
     limit_error: float = 1e-6  # of a limit at a solution, relative
 
 
