@@ -5,8 +5,10 @@ BIN = $(VENV)/bin
 # One BLAS thread per process: the matrices are small, and the workers are processes.
 export OMP_NUM_THREADS = 1
 export OPENBLAS_NUM_THREADS = 1
+# Two processes of tests, file by file: what a file's tests share is built once; the long files first.
+TWO = -n 2 --dist loadfile --no-loadscope-reorder
 
-.PHONY: demo test lint types contracts check benchmark benchmark-factory benchmark-solver wheel lock clean
+.PHONY: demo test quick lint types contracts check benchmark benchmark-factory benchmark-solver wheel lock clean
 
 demo: $(VENV)/.demo
 	mkdir -p demo
@@ -15,7 +17,10 @@ demo: $(VENV)/.demo
 	$(BIN)/ampi report demo/shefex3.h5 demo/flights.npz --output demo/report.html
 
 test: $(VENV)/.test
-	$(BIN)/python -m pytest
+	$(BIN)/python -m pytest $(TWO)
+
+quick: $(VENV)/.test
+	$(BIN)/python -m pytest $(TWO) -m "not slow"
 
 lint: $(VENV)/.test
 	$(BIN)/ruff check .

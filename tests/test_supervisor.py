@@ -17,8 +17,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from ampi.missions.loading import load_mission
 from ampi.workers.job import JobError, finished
 from ampi.workers.supervisor import in_workers
+from tests.support.missions import text_on_grid
 
 HERE = Path(__file__).parent
 needs_proc = pytest.mark.skipif(
@@ -169,13 +171,10 @@ def test_what_is_no_number_of_workers_is_refused(n_jobs: int) -> None:
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A database of three cases, and a mission of many."""
-    from ampi.missions.loading import load_mission
-
     where = tmp_path_factory.mktemp("stopped")
-    text = load_mission("shefex3").toml
-    (where / "large.toml").write_text(text)
-    text = text[: text.index("[grid]")] + "[grid]\nspeed_m_per_s = [-70.0, 0.0, 70.0]\n"
-    (where / "small.toml").write_text(text)
+    (where / "large.toml").write_text(load_mission("shefex3").toml)
+    small = text_on_grid("[grid]\nspeed_m_per_s = [-70.0, 0.0, 70.0]\n")
+    (where / "small.toml").write_text(small)
     finished_well(ampi(where, "build", "small.toml", "small.h5", "-j", "1"))
     return where
 

@@ -26,6 +26,7 @@ from database.records.campaign import BuildError, Campaign
 from database.records.reader import RecordReader
 from database.records.record_files import count_records, record_path
 from database.rerun import rerun
+from tests.support.missions import coarse, text_on_grid
 
 
 def test_file_is_the_same_for_any_number_of_workers(
@@ -98,12 +99,11 @@ def test_a_missing_folder_is_named(small_mission: Mission, tmp_path: Path) -> No
         database.build(small_mission, tmp_path / "absent" / "a.h5")
 
 
-def test_a_case_out_of_reach_is_a_record_and_the_file_cannot_fly(
-    small_mission: Mission, tmp_path: Path
-) -> None:
-    """The steep corner cannot keep a load-factor limit that the others keep."""
+def test_a_case_out_of_reach_is_a_record_and_the_file_cannot_fly(tmp_path: Path) -> None:
+    """The steep entry cannot keep a load-factor limit that the nominal one keeps."""
     limit = "load_factor_g = 8.2\nload_factor_margin = 0.025"  # kept between the nodes too
-    text = small_mission.toml.replace("load_factor_g = 10.0", limit)
+    text = coarse(text_on_grid("[grid]\nflight_path_angle_deg = [-0.5, 0.0]\n"))
+    text = text.replace("load_factor_g = 10.0", limit)
     path = tmp_path / "holes.h5"
     report = database.build(parse_mission(text), path, n_jobs=2)
     dataset = read_dataset(path)

@@ -22,19 +22,14 @@ from ampi.simulation.statistics import AreaRatio, footprint_ratio
 from ampi.trajectory import Status
 from database.records.record_files import count_records
 from tests.support.command_line import run, unwrapped
-
-SMALL_GRID = """[grid]
-speed_m_per_s = [-70.0, 0.0, 70.0]
-flight_path_angle_deg = [-0.5, 0.0, 0.5]
-"""
+from tests.support.missions import coarse, small_mission
 
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder with a mission file and its database, made by `ampi build`."""
     where = tmp_path_factory.mktemp("cli")
-    text = load_mission("shefex3").toml
-    (where / "small.toml").write_text(text[: text.index("[grid]")] + SMALL_GRID)
+    (where / "small.toml").write_text(small_mission().toml)
     built = run("build", "small.toml", "small.h5", cwd=where)
     assert "9 of 9 cases solved" in built.stdout
     assert built.stderr == ""  # no progress bar where there is no terminal
@@ -301,8 +296,10 @@ def test_no_number_is_cut_where_there_is_no_terminal(folder: Path) -> None:
 
 
 def test_a_target_out_of_reach_is_a_status(tmp_path: Path) -> None:
-    text = load_mission("shefex3").toml.replace("longitude_deg = -45.75", "longitude_deg = -120.0")
-    (tmp_path / "far.toml").write_text(text)
+    text = coarse(load_mission("shefex3").toml)
+    assert text.count("longitude_deg = -45.75") == 1
+    far = text.replace("longitude_deg = -45.75", "longitude_deg = -120.0")
+    (tmp_path / "far.toml").write_text(far)
     told = run("solve", "far.toml", cwd=tmp_path, code=2).stderr
     assert told.startswith(f"error: shefex3: {Status.TARGET_MISSED.sentence} Open: the flight ends")
     assert re.search(r"Open: the flight ends [\d,]+ km from the target", unwrapped(told))
@@ -314,7 +311,7 @@ def test_a_target_out_of_reach_is_a_status(tmp_path: Path) -> None:
 
 def test_a_limit_that_cannot_be_kept_is_named(tmp_path: Path) -> None:
     limit = "heat_flux_kW_per_m2 = 6500.0"
-    text = load_mission("shefex3").toml
+    text = coarse(load_mission("shefex3").toml)
     (tmp_path / "cold.toml").write_text(text.replace(limit, "heat_flux_MW_per_m2 = 3.0"))
     told = run("solve", "cold.toml", "--bank-angle", "30", cwd=tmp_path, code=2).stderr
     assert re.search(r"Open: heat_flux is 5\d\.?\d* % above its limit", unwrapped(told))

@@ -18,15 +18,13 @@ import database
 from ampi.dataset import read_dataset
 from ampi.guidance import Guidance
 from ampi.loading import load_guidance
-from ampi.missions.loading import load_mission, parse_mission
+from ampi.missions.loading import parse_mission
 from ampi.missions.mission import Mission
 from ampi.onboard.reference import Mode
 from ampi.propagation.reintegration import reintegrate
 from ampi.simulation.dispersions import Dispersions, Distribution
 from tests.support.command_line import run
-
-TEXT = load_mission("shefex3_density").toml
-TEXT = TEXT[: TEXT.index("[grid]")]
+from tests.support.missions import text_on_grid
 
 SEVEN = """[grid]
 altitude_m = [0.0, 250.0]
@@ -44,7 +42,7 @@ density_factor = [-0.1, 0.0, 0.05, 0.1]
 
 
 def built(grid: str, folder: Path) -> Path:
-    mission = parse_mission(TEXT + grid)
+    mission = parse_mission(text_on_grid(grid, "shefex3_density"))
     (folder / "mission.toml").write_text(mission.toml, encoding="utf-8")
     path = folder / "density.h5"
     report = database.build(mission, path, n_jobs=2)
@@ -142,9 +140,9 @@ def test_a_flight_in_a_batch_is_the_flight_in_its_own_air(
 
 def test_a_target_may_move_with_p(mission: Mission, tmp_path: Path) -> None:
     """The nominal optimum is tracked to its own target: the miss is the target's displacement."""
-    text = TEXT + "[grid]\ntarget.latitude_deg = [0.0, 0.2]\ntarget.speed_m_per_s = [0.0, 20.0]\n"
+    grid = "[grid]\ntarget.latitude_deg = [0.0, 0.2]\ntarget.speed_m_per_s = [0.0, 20.0]\n"
     path = tmp_path / "target.h5"
-    moving = parse_mission(text)
+    moving = parse_mission(text_on_grid(grid, "shefex3_density"))
     assert database.build(moving, path, n_jobs=1).solved == 4
     guidance = load_guidance(path)
     told, untold = (

@@ -11,9 +11,10 @@ import ampi
 import database
 from ampi.guidance import Guidance
 from ampi.loading import load_guidance
-from ampi.missions.loading import load_mission, parse_mission
+from ampi.missions.loading import parse_mission
 from ampi.missions.mission import Mission
 from ampi.simulation.dispersions import Dispersions, Distribution
+from tests.support.missions import text_on_grid
 
 DEGREE = np.pi / 180.0
 LATITUDE, LIMIT = 0, 1  # places in p
@@ -25,8 +26,8 @@ limits.bank_angle_deg = [-2.0, 0.0, 20.0]
 
 @pytest.fixture(scope="module")
 def mission() -> Mission:
-    text = load_mission("shefex3").toml.replace("bank_angle_deg = 60.0", "bank_angle_deg = 45.0")
-    return parse_mission(text[: text.index("[grid]")] + GRID)
+    text = text_on_grid(GRID)
+    return parse_mission(text.replace("bank_angle_deg = 60.0", "bank_angle_deg = 45.0"))
 
 
 @pytest.fixture(scope="module")

@@ -8,35 +8,28 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-import database
 from ampi.guidance import Guidance
 from ampi.loading import load_guidance
-from ampi.missions.loading import load_mission, parse_mission
 from ampi.missions.mission import Mission
 from ampi.onboard.row_layout import LINEAR_TRACKING
 from ampi.onboard.table import GuidanceTable
 from ampi.tracking.bank_limiter import BankLimits
+from tests.support.databases import small_database
+from tests.support.missions import small_mission
 
 Array = NDArray[np.float64]
 
-SMALL_GRID = """[grid]
-speed_m_per_s = [-70.0, 0.0, 70.0]
-flight_path_angle_deg = [-0.5, 0.0, 0.5]
-"""
 SIZES = np.array([5e4, 1.0, 1.0, 3e3, 0.2, 2.0, 0.5])  # of the states
 
 
 @pytest.fixture(scope="session")
 def mission() -> Mission:
-    text = load_mission("shefex3").toml
-    return parse_mission(text[: text.index("[grid]")] + SMALL_GRID)
+    return small_mission()
 
 
 @pytest.fixture(scope="session")
-def database_file(mission: Mission, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    path = tmp_path_factory.mktemp("guidance") / "small.h5"
-    assert database.build(mission, path, n_jobs=2).solved == 9
-    return path
+def database_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return small_database(tmp_path_factory)
 
 
 @pytest.fixture(scope="session")

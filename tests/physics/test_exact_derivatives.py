@@ -17,11 +17,11 @@ from ampi.physics.path_constraints import path_constraints
 from ampi.tracing.dynamics import NodeDynamics, NodeFunction, Physics
 from ampi.tracing.node_functions import NodeFunctions
 from ampi.tracing.numbers import Numbers
+from tests.support.missions import SCALE
 
 Array = NDArray[np.float64]
 laws = settings(deadline=None, max_examples=60)
 
-SCALE = np.array([1e4, 1.0, 1.0, 1e3, 1.0, 1.0, 1.0])
 LIMITS = (1e5, 6.5e6, 10.0)
 RATE_SCALE = float(np.radians(5.0))
 

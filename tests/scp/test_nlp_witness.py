@@ -28,9 +28,9 @@ from ampi.scp.problem.objective import Objective
 from ampi.scp.problem.problem_numbers import ProblemNumbers
 from ampi.scp.solve import optimum, solve_family
 from ampi.trajectory import Status, Trajectory
+from tests.support.missions import SCALE
 
 Array = NDArray[np.float64]
-SCALE = np.array([1e4, 1.0, 1.0, 1e3, 1.0, 1.0, 1.0])
 SECONDS = 100.0
 IPOPT = {  # limits to the last digit: relaxed by 1e-8, an active one is worth 6e-5 of the cost
     "print_level": 0,

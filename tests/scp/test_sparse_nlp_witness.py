@@ -26,9 +26,9 @@ from ampi.scp.literature.starts import Start, straight_line
 from ampi.scp.literature.subproblem_builder import MeshIterate, StateTrustRegion
 from ampi.scp.literature.successive import StateChange
 from ampi.trajectory import Status
+from tests.support.missions import SCALE
 
 Array = NDArray[np.float64]
-SCALE = np.array([1e4, 1.0, 1.0, 1e3, 1.0, 1.0, 1.0])
 SECONDS = 100.0
 IPOPT = {
     "print_level": 0,

@@ -23,6 +23,7 @@ from ampi.scp.condensed.transcription import RadauTranscription, radau_transcrip
 from ampi.scp.guess import NodalGuess
 from ampi.scp.problem.objective import Objective
 from ampi.scp.problem.scaled_problem import OptimalControlProblem
+from tests.support.missions import SCALE
 
 Array = NDArray[np.float64]
 laws = settings(deadline=None, max_examples=60)
@@ -30,7 +31,6 @@ final_times = st.floats(120.0, 2000.0)
 seeds = st.integers(0, 2**32 - 1)
 MESH = Mesh((Phase((4, 6), 58.0), Phase((5,), 88.0), Phase((7, 5), None, (0.0, 0.3, 1.0))))
 LOWEST = 4  # degree of the poorest segment
-SCALE = np.array([1e4, 1.0, 1.0, 1e3, 1.0, 1.0, 1.0])
 
 
 def polynomials(seed: int, degree: int, final_time: float, count: int) -> list[Polynomial]:

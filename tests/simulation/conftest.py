@@ -9,21 +9,17 @@ from typing import Any
 import numpy as np
 import pytest
 
-import database
 from ampi.dataset import TrajectoryDataset, read_dataset
 from ampi.guidance import Guidance
 from ampi.loading import load_guidance
-from ampi.missions.loading import load_mission, parse_mission
+from ampi.missions.loading import load_mission
 from ampi.missions.mission import Mission
 from ampi.missions.path_limits import PathLimits
 from ampi.onboard.reference import Mode
 from ampi.simulation.dispersions import Distribution
 from ampi.simulation.flights import Flights
-
-SMALL_GRID = """[grid]
-speed_m_per_s = [-70.0, 0.0, 70.0]
-flight_path_angle_deg = [-0.5, 0.0, 0.5]
-"""
+from tests.support.databases import small_database
+from tests.support.missions import small_mission
 
 
 @pytest.fixture(scope="session")
@@ -33,15 +29,13 @@ def shefex3() -> Mission:
 
 
 @pytest.fixture(scope="session")
-def mission(shefex3: Mission) -> Mission:
-    return parse_mission(shefex3.toml[: shefex3.toml.index("[grid]")] + SMALL_GRID)
+def mission() -> Mission:
+    return small_mission()
 
 
 @pytest.fixture(scope="session")
-def database_file(mission: Mission, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    path = tmp_path_factory.mktemp("simulation") / "small.h5"
-    assert database.build(mission, path, n_jobs=2).solved == 9
-    return path
+def database_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return small_database(tmp_path_factory)
 
 
 @pytest.fixture(scope="session")
