@@ -45,7 +45,7 @@ from ampi.physics.state import BANK, N_STATES
 from ampi.scp.condensed.condensing import Cases, CondensedDynamics, NodeDerivatives, with_final_time
 from ampi.scp.condensed.cost import smooth_gradient
 from ampi.scp.condensed.limit_rows import LimitRows, n_rows
-from ampi.scp.condensed.newton_system import Multipliers, NewtonSystem
+from ampi.scp.condensed.newton_system import Multipliers, NewtonStep, NewtonSystem
 from ampi.scp.condensed.points import Points
 from ampi.scp.condensed.settings import SolverSettings
 from ampi.scp.cone_program import ConeStatus
@@ -134,9 +134,11 @@ class NewtonIteration:
             # a case that diverges is dropped, its company goes on
             with np.errstate(all="ignore"):
                 system = NewtonSystem.of(self.points, self.multipliers)
+                shift = self.shift(system)
+                step = self.solution(system, shift)
                 if iteration == 0:
-                    system = self.with_known_multipliers(system)
-                before, size = size, self.newton_step(system)
+                    system, step = self.with_known_multipliers(system, shift, step)
+                before, size = size, self.newton_step(shift, step)
                 good = (size < settings.largest_step) & (size < settings.contraction * before)
                 done, last = self.simplified_steps(system, good, size)
                 left = good & ~done
@@ -150,39 +152,52 @@ class NewtonIteration:
             if not len(self.numbers):
                 return
 
-    def with_known_multipliers(self, system: NewtonSystem) -> NewtonSystem:
-        """The system weighed by the multipliers of a first solution that is not taken.
+    def solution(
+        self, system: NewtonSystem, shift: Array, cases: Cases | None = None
+    ) -> NewtonStep:
+        """Of `system`, with the limits that hold it; of `cases` or of all."""
+        return system.solution(
+            *system.right_side(shift), self.multipliers.side, self.settings.newton, cases
+        )
 
-        Where that holds no limit, the multipliers of the neighbour are as good.
+    def with_known_multipliers(
+        self, system: NewtonSystem, shift: Array, first: NewtonStep
+    ) -> tuple[NewtonSystem, NewtonStep]:
+        """The system weighed by the multipliers of its `first` solution, and its solution then.
+
+        Where that holds no limit, the multipliers of the neighbour are as good, and the first will do.
         """
-        right_side = system.right_side(self.shift(system))
-        settings, multipliers = self.settings.newton, self.multipliers
-        z, _, target, limits = system.solution(*right_side, multipliers.side, settings)
-        lost = np.flatnonzero(~np.isfinite(z[:, 0]))
+        multipliers = self.multipliers
+        lost = np.flatnonzero(~np.isfinite(first.z[:, 0]))
         if len(lost):  # it may be a limit alone that keeps H positive definite
-            convex = system.gauss_newton(self.settings.curvature)
             multipliers.side[lost] = 0
-            found = convex.solution(*right_side, multipliers.side, settings, lost)
-            target[lost], limits[lost] = found[2][lost], found[3][lost]
-        limited = multipliers.side.any(axis=1)
-        if not limited.any():
-            return system
-        multipliers.target[limited], multipliers.limits[limited] = target[limited], limits[limited]
-        return system.with_curvature_of(multipliers)
+            convex = system.gauss_newton(self.settings.curvature)
+            found = self.solution(convex, shift, lost)
+            first.target[lost], first.limits[lost] = found.target[lost], found.limits[lost]
+        limited = np.flatnonzero(multipliers.side.any(axis=1))
+        if not len(limited):
+            return system, first
+        multipliers.target[limited] = first.target[limited]
+        multipliers.limits[limited] = first.limits[limited]
+        system = system.with_curvature_of(multipliers)
+        second = self.solution(system, shift, limited)
+        first.z[limited], first.change[:, limited] = second.z[limited], second.change[:, limited]
+        first.target[limited], first.limits[limited] = (
+            second.target[limited],
+            second.limits[limited],
+        )
+        return system, first
 
     def shift(self, system: NewtonSystem) -> Array:
         """c of all cases where the matrices were made."""
         rates = system.condensed.derivatives.rates
         return self.points.shift(system.condensed, rates, self.points.everyone)
 
-    def newton_step(self, system: NewtonSystem) -> Array:
+    def newton_step(self, shift: Array, step: NewtonStep) -> Array:
         """Take the whole step: its size (c,)."""
-        points, multipliers, shift = self.points, self.multipliers, self.shift(system)
-        settings = self.settings.newton
-        z, change, multipliers.target, multipliers.limits = system.solution(
-            *system.right_side(shift), multipliers.side, settings
-        )
-        size = points.take(points.everyone, z, change, shift)
+        points, multipliers = self.points, self.multipliers
+        multipliers.target, multipliers.limits = step.target, step.limits
+        size = points.take(points.everyone, step.z, step.change, shift)
         self.record(points.everyone, size, ConeStatus.SOLVED)
         return size
 

@@ -41,6 +41,16 @@ class Multipliers:
 
 
 @dataclass(frozen=True, eq=False)
+class NewtonStep:
+    """A solution of Eq. (1); not a number for a case that has none."""
+
+    z: Array  # (c, n_z)
+    change: Array  # Z z, (7, c, n)
+    target: Array  # λ, (c, r)
+    limits: Array  # ν, (c, rows)
+
+
+@dataclass(frozen=True, eq=False)
 class NewtonSystem:
     """Eq. (1) where its matrices were made."""
 
@@ -118,11 +128,8 @@ class NewtonSystem:
         side: Sides,
         settings: NewtonSettings,
         cases: Cases | None = None,
-    ) -> tuple[Array, Array, Array, Array]:
-        """z (c, n_z), Z z (7, c, n), λ and ν of Eq. (1); NaN where the held set does not settle.
-
-        Of `cases`, or of all.
-        """
+    ) -> NewtonStep:
+        """Of Eq. (1), of `cases` or of all; NaN where the held set does not settle."""
         points, rows = self.points, self.rows
         changes = np.zeros((N_STATES, *points.x.shape[1:]))
         z, on_target = np.full_like(gradient, np.nan), np.full_like(errors, np.nan)
@@ -147,7 +154,7 @@ class NewtonSystem:
             if not len(pending):
                 break
         z[pending] = np.nan
-        return z, changes, on_target, on_limits
+        return NewtonStep(z, changes, on_target, on_limits)
 
     def moved(self, z: Array, change: Array, cases: Cases) -> Array:
         """What z (k, n_z) adds to the values of the limits' rows, with `change` = Z z."""

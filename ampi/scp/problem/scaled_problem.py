@@ -202,6 +202,8 @@ class OptimalControlProblem:
         everyone = isinstance(cases, np.ndarray) and len(cases) == len(self.entry)
         if self.entry.ndim == 1 or everyone:
             return self
+        if self._differs_in_entry_alone:
+            return replace(self, entry=self.entry[cases])
         target, objective = self.target, self.objective
         rows = ("reference", "weight", "lower", "upper")
         return replace(
@@ -221,6 +223,15 @@ class OptimalControlProblem:
             bank_rate_limit=_taken(self.bank_rate_limit, cases, axes=1),
             numbers=at_cases(self.numbers, cases),
         )
+
+    @cached_property
+    def _differs_in_entry_alone(self) -> bool:
+        parts = (self.target.reference, self.target.weight, self.target.upper)
+        numbers = [getattr(self.objective, f.name) for f in fields(self.objective)]
+        numbers += [self.planet_radius, self.entry_bank_angle, self.entry_bank_rate]
+        numbers += [self.bank_limit, self.bank_rate_limit, *self.numbers]
+        arrays = any(isinstance(number, np.ndarray) for number in numbers)
+        return not (arrays or any(p.ndim > 1 for p in (*parts, self.target_tolerance)))
 
     @property
     def entry_rate(self) -> Any:
