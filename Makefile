@@ -5,8 +5,9 @@ BIN = $(VENV)/bin
 # One BLAS thread per process: the matrices are small, and the workers are processes.
 export OMP_NUM_THREADS = 1
 export OPENBLAS_NUM_THREADS = 1
-# Two processes of tests, file by file: what a file's tests share is built once; the long files first.
-TWO = -n 2 --dist loadfile --no-loadscope-reorder
+# Two processes of tests, file by file: what a file's tests share is built once; the long files come
+# first (tests/conftest.py). A test that hangs fails after so many seconds, and is named.
+TWO = -n 2 --dist loadfile --no-loadscope-reorder --timeout 300
 
 .PHONY: demo test quick lint types contracts check benchmark benchmark-factory benchmark-solver wheel lock clean
 

@@ -22,6 +22,7 @@ from ampi.pseudospectral.mesh import Mesh
 from ampi.scp.condensed.elastic_target import ElasticSettings
 from ampi.scp.condensed.settings import SolverSettings
 from ampi.trajectory import Status, Trajectory
+from tests.support.witness import ipopt
 
 LATITUDE, SECONDS = 34.1412, 2008.59  # as printed: degrees, s
 FLIGHT_TIME = 1000.0  # s per unit of the witness's t_f
@@ -86,19 +87,16 @@ def farthest(mesh: Mesh, angle_of_attack: float | None) -> Flight:
     least, most = (0.0, 60.0) if angle_of_attack is None else (angle_of_attack, angle_of_attack)
     share = mesh.node_time[1][:, None]
     line = FIRST + (np.where(held, LAST, [0.0, 1.0, 0.5, 0.0, 0.0, 0.0]) - FIRST) * share
-    ipopt = {"print_level": 0, "sb": "yes", "max_iter": 500}
-    solver = ca.nlpsol(
-        "farthest", "ipopt", program, {"print_time": False, "expand": True, "ipopt": ipopt}
+    found = ipopt(
+        program,
+        {},
+        start=np.concatenate([line.ravel(), np.tile([17.4, -1.0], n - 1), [2.0]]),
+        low=np.concatenate([low.ravel(), np.tile([least, -0.5 * np.pi], n - 1), [1.0]]),
+        high=np.concatenate([high.ravel(), np.tile([most, 0.5 * np.pi], n - 1), [4.0]]),
+        expand=True,
     )
-    found = solver(
-        x0=np.concatenate([line.ravel(), np.tile([17.4, -1.0], n - 1), [2.0]]),
-        lbx=np.concatenate([low.ravel(), np.tile([least, -0.5 * np.pi], n - 1), [1.0]]),
-        ubx=np.concatenate([high.ravel(), np.tile([most, 0.5 * np.pi], n - 1), [4.0]]),
-        lbg=0.0,
-        ubg=0.0,
-    )
-    time = FLIGHT_TIME * float(found["x"][-1])
-    return Flight(solver.stats()["return_status"], float(np.degrees(-float(found["f"]))), time)
+    time = FLIGHT_TIME * float(found.values[-1])
+    return Flight(found.status, float(np.degrees(-found.objective)), time)
 
 
 @pytest.fixture(scope="module")

@@ -14,7 +14,7 @@ from ampi.missions.path_limits import PathLimits
 from ampi.scp.guess import from_trajectory
 from ampi.scp.solve import optimum, solve_family
 from ampi.trajectory import Status, Trajectory
-from tests.scp.test_nlp_witness import nlp
+from tests.support.witness import nlp
 
 SAMPLE = 20
 

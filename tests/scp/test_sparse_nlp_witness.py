@@ -18,7 +18,6 @@ from numpy.typing import NDArray
 
 from ampi.missions import Mission, load_mission
 from ampi.physics.equations_of_motion import equations_of_motion
-from ampi.physics.path_constraints import path_constraints
 from ampi.physics.state import ENTRY_STATES
 from ampi.pseudospectral.mesh import Mesh
 from ampi.scp.literature.methods import METHODS, Solution, solve_by
@@ -27,13 +26,11 @@ from ampi.scp.literature.subproblem_builder import MeshIterate, StateTrustRegion
 from ampi.scp.literature.successive import StateChange
 from ampi.trajectory import Status
 from tests.support.missions import SCALE
+from tests.support.witness import ipopt, numpy_of_symbols, path_limits
 
 Array = NDArray[np.float64]
 SECONDS = 100.0
 IPOPT = {
-    "print_level": 0,
-    "sb": "yes",
-    "max_iter": 500,
     "bound_relax_factor": 0.0,
     "mu_init": 1e-6,
     **dict.fromkeys(("bound_push", "bound_frac", "slack_bound_push", "slack_bound_frac"), 1e-8),
@@ -65,17 +62,14 @@ def node_functions(mission: Mission) -> tuple[ca.Function, Array]:
     model, limits, objective = mission.flight_model, mission.limits, mission.objective
     x, u, t = ca.SX.sym("x", 7), ca.SX.sym("u"), ca.SX.sym("t")
     si = x * SCALE
-    mode = ca.GlobalOptions.getNumpyMode()
-    ca.GlobalOptions.setNumpyMode(-1)
-    rates = ca.vertcat(*equations_of_motion(model, si, u * limits.bank_rate, t))
-    q, heat, load = path_constraints(model, si, t)
-    ca.GlobalOptions.setNumpyMode(mode)
-    g = [q / limits.dynamic_pressure, heat / limits.heat_flux, load / limits.load_factor]
+    with numpy_of_symbols():
+        rates = ca.vertcat(*equations_of_motion(model, si, u * limits.bank_rate, t))
+    g, _ = path_limits(mission, si, t)
     inside, weight = [u], [objective.bank_rate_variation * np.degrees(limits.bank_rate)]
     if objective.descent_rate:
         inside.append((rates[0] - objective.desired_altitude_rate) / 100.0)
         weight.append(objective.descent_rate * 100.0)
-    outputs = [rates / SCALE, ca.vertcat(*g), ca.vertcat(*inside)]
+    outputs = [rates / SCALE, g, ca.vertcat(*inside)]
     return ca.Function("node", [x, u, t], outputs), np.array(weight)
 
 
@@ -127,8 +121,6 @@ def witness(mission: Mission, asked: Transcription, at: MeshIterate) -> Optimum:
         "f": cost * at.final / (SECONDS * period) if asked.per_second else cost,
         "g": ca.vertcat(defects, ca.vec(g), ca.vec(a - inside), ca.vec(a + inside)),
     }
-    options = {"print_time": False, "expand": True, "ipopt": IPOPT}
-    solver = ca.nlpsol("witness", "ipopt", program, options)
     low, high = state_bounds(mission, at.states[0, :6], n)
     shortest, longest = np.array(asked.final_bounds) / SECONDS
     none, most = np.zeros(7 * (n - 1)), np.full(3 * n, 1.0 - asked.limit_margin)
@@ -136,20 +128,23 @@ def witness(mission: Mission, asked: Transcription, at: MeshIterate) -> Optimum:
         np.array(node.map(n)(at.states.T, at.controls.T, at.mesh.times(at.final)[None])[2])
     )
     up, down = np.full(start.size, np.inf), np.zeros(2 * start.size)
-    found = solver(
-        x0=np.concatenate(
+    found = ipopt(
+        program,
+        IPOPT,
+        start=np.concatenate(
             [at.states.ravel(), at.controls.ravel(), [at.final / SECONDS], start.T.ravel()]
         ),
-        lbx=np.concatenate([low.ravel(), -np.ones(n), [shortest], -up]),
-        ubx=np.concatenate([high.ravel(), np.ones(n), [longest], up]),
-        lbg=np.concatenate([none, np.full(3 * n, -np.inf), down]),
-        ubg=np.concatenate([none, most, up, up]),
+        low=np.concatenate([low.ravel(), -np.ones(n), [shortest], -up]),
+        high=np.concatenate([high.ravel(), np.ones(n), [longest], up]),
+        least=np.concatenate([none, np.full(3 * n, -np.inf), down]),
+        most=np.concatenate([none, most, up, up]),
+        expand=True,
     )
-    values = np.array(found["x"]).ravel()
+    values = found.values
     final_time = float(values[8 * n]) * SECONDS
     return Optimum(
-        status=solver.stats()["return_status"],
-        cost=float(found["f"]) * worth * (final_time / at.final if asked.per_second else 1.0),
+        status=found.status,
+        cost=found.objective * worth * (final_time / at.final if asked.per_second else 1.0),
         states=values[: 7 * n].reshape(n, 7) * SCALE,
         final_time=final_time,
     )
