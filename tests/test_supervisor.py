@@ -22,6 +22,8 @@ from ampi.workers.job import JobError, finished
 from ampi.workers.supervisor import in_workers
 from tests.support.missions import text_on_grid
 
+pytestmark = pytest.mark.slow
+
 HERE = Path(__file__).parent
 needs_proc = pytest.mark.skipif(
     not Path("/proc/self/task").is_dir(), reason="finds the workers in /proc"

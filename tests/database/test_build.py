@@ -28,6 +28,8 @@ from database.records.record_files import count_records, record_path
 from database.rerun import rerun
 from tests.support.missions import coarse, text_on_grid
 
+pytestmark = pytest.mark.slow
+
 
 def test_file_is_the_same_for_any_number_of_workers(
     small_mission: Mission, small_database: Path, tmp_path: Path

@@ -28,6 +28,8 @@ from database.records.campaign import BuildError, Campaign
 from database.records.reader import RecordReader
 from database.records.record_files import count_records, record_path
 
+pytestmark = pytest.mark.slow
+
 distributed = pytest.importorskip("distributed")
 
 

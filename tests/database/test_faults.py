@@ -49,6 +49,8 @@ from database.records.record_files import (
     recorded_cases,
 )
 
+pytestmark = pytest.mark.slow
+
 HERE = Path(__file__).parent
 
 

@@ -18,6 +18,8 @@ from ampi.dataset import partial_folder
 from ampi.missions.loading import parse_mission
 from ampi.missions.mission import Mission
 
+pytestmark = pytest.mark.slow
+
 HERE = Path(__file__).parent
 THIRD_AXIS = "azimuth_deg = [-0.5, 0.0, 0.5]\n"
 

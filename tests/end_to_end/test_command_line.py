@@ -24,6 +24,8 @@ from database.records.record_files import count_records
 from tests.support.command_line import run, unwrapped
 from tests.support.missions import coarse, small_mission
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:

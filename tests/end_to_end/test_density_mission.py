@@ -26,6 +26,8 @@ from ampi.simulation.dispersions import Dispersions, Distribution
 from tests.support.command_line import run
 from tests.support.missions import text_on_grid
 
+pytestmark = pytest.mark.slow
+
 SEVEN = """[grid]
 altitude_m = [0.0, 250.0]
 longitude_deg = [0.0, 0.5]

@@ -16,6 +16,8 @@ from ampi.physics.equations_of_motion import equations_of_motion
 from ampi.physics.state import ENTRY_STATES
 from ampi.simulation.closed_loop import FlightStatus, fly_batch
 
+pytestmark = pytest.mark.slow
+
 Array = NDArray[np.float64]
 MEASURED = [3, 4]  # the grid disperses speed and flight-path angle alone
 ENTRIES = {  # offsets from the nominal entry state

@@ -10,6 +10,8 @@ from ampi.papers.figures import FIGURES
 from ampi.papers.reproduction import PAPERS
 from ampi.papers.table import Reproduction
 
+pytestmark = pytest.mark.slow
+
 OPEN: dict[str, set[str]] = {}  # what is not reached; README and the tables say so
 
 

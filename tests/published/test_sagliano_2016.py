@@ -19,6 +19,8 @@ from ampi.simulation.statistics import footprint_ratio, judge
 from database.audit.audit import AuditReport, audit
 from database.build_report import BuildReport
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture(scope="module")
 def built(tmp_path_factory: pytest.TempPathFactory) -> BuildReport:

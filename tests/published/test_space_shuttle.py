@@ -24,6 +24,8 @@ from ampi.scp.condensed.settings import SolverSettings
 from ampi.trajectory import Status, Trajectory
 from tests.support.witness import ipopt
 
+pytestmark = pytest.mark.slow
+
 LATITUDE, SECONDS = 34.1412, 2008.59  # as printed: degrees, s
 FLIGHT_TIME = 1000.0  # s per unit of the witness's t_f
 FIRST = np.array([2.6, 0.0, 0.0, 2.56, np.radians(-1.0), np.radians(90.0)])

@@ -23,6 +23,8 @@ from ampi.scp.literature.methods import METHODS, Solution, solve_by
 from ampi.trajectory import Status
 from tests.support.witness import Found, ipopt, numpy_of_symbols, path_limits
 
+pytestmark = pytest.mark.slow
+
 Array = NDArray[np.float64]
 SCALE = np.array([1e4, 1.0, 1.0, 1.0, 1.0])  # h, θ, φ, γ, ψ
 IPOPT = {"max_iter": 600, "tol": 1e-7, "mu_init": 1e-3}

@@ -16,6 +16,8 @@ from ampi.scp.solve import optimum, solve_family
 from ampi.trajectory import Status, Trajectory
 from tests.support.witness import nlp
 
+pytestmark = pytest.mark.slow
+
 SAMPLE = 20
 
 

@@ -19,6 +19,8 @@ from ampi.scp.solve import optimum, solve_family
 from ampi.trajectory import Status, Trajectory
 from tests.support.witness import Optimum, nlp
 
+pytestmark = pytest.mark.slow
+
 GUESS = ConstantBank(np.radians(-30.0))
 
 

@@ -31,6 +31,8 @@ from ampi.scp.problem.scaled_problem import OptimalControlProblem
 from ampi.scp.solve import optimum, solve, solve_family
 from ampi.trajectory import Status, Trajectory
 
+pytestmark = pytest.mark.slow
+
 Array = NDArray[np.float64]
 GUESS = ConstantBank(np.radians(-30.0))
 DEGREE = np.pi / 180.0

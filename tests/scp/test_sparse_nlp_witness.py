@@ -28,6 +28,8 @@ from ampi.trajectory import Status
 from tests.support.missions import SCALE
 from tests.support.witness import ipopt, numpy_of_symbols, path_limits
 
+pytestmark = pytest.mark.slow
+
 Array = NDArray[np.float64]
 SECONDS = 100.0
 IPOPT = {

@@ -26,6 +26,8 @@ from ampi.simulation.dispersions import Dispersions, Distribution
 from ampi.tracking.bank_limiter import BankLimits
 from ampi.trajectory import Status
 
+pytestmark = pytest.mark.slow
+
 Array = NDArray[np.float64]
 BANK = ("angle", "rate", "acceleration")
 MEASURED = [3, 4]  # the grid disperses speed and flight-path angle alone

@@ -22,6 +22,8 @@ from ampi.simulation.flights_file import load_campaigns, save_campaigns
 from ampi.simulation.monte_carlo import BATCH, fly, fly_modes
 from ampi.simulation.statistics import judge
 
+pytestmark = pytest.mark.slow
+
 N = 230
 
 
@@ -49,8 +51,12 @@ def assert_identical(one: Flights, two: Flights) -> None:
 def test_the_numbers_do_not_depend_on_the_workers(
     mission: Mission, guidance: Guidance, campaign: Flights, n_jobs: int
 ) -> None:
+    """And the progress counts every flight once."""
     assert N > 2 * BATCH
-    assert_identical(fly(mission, guidance, n=N, seed=5, n_jobs=n_jobs), campaign)
+    seen: list[int] = []
+    flights = fly(mission, guidance, n=N, seed=5, n_jobs=n_jobs, advance=seen.append)
+    assert_identical(flights, campaign)
+    assert seen == [BATCH, BATCH, N - 2 * BATCH]
 
 
 def test_more_flights_leave_the_first_ones_as_they_are(
@@ -171,12 +177,6 @@ def test_flights_are_flown_at_the_cycle_that_is_asked_for(
     assert every.reached.all()
     assert guidance.cycle == 0.5
     assert not np.array_equal(every.miss, fly(mission, guidance, n=3, n_jobs=1).miss)
-
-
-def test_progress_counts_every_flight_once(mission: Mission, guidance: Guidance) -> None:
-    seen: list[int] = []
-    fly(mission, guidance, n=N, seed=5, n_jobs=2, record_every=1e3, advance=seen.append)
-    assert seen == [BATCH, BATCH, N - 2 * BATCH]
 
 
 @pytest.mark.parametrize(
