@@ -25,7 +25,7 @@ from ampi.workers.supervisor import require_workers
 from database.build_report import BuildReport
 from database.building import BuildRun, KnownOptimum, already_whole
 from database.factory.engines import ClusterEngine, Engine, LocalEngine
-from database.records.campaign import TIME_LIMIT, Solver
+from database.records.campaign import TIME_LIMIT, BuildError, Solver
 from database.records.lock import exclusive
 from database.records.record_files import no_parts
 from database.refusals import checked
@@ -85,6 +85,8 @@ def build(
         If the mission, or a point of its grid, says what no mission file could.
     """
     require_workers(n_jobs)
+    if not Path(path).parent.is_dir():
+        raise BuildError(f"{path}: the folder {Path(path).parent} does not exist")
     path = Path(path).absolute()  # what `advance` or a solver does may change the working folder
     campaign = checked(mission, path, solver, settings, time_limit, gains)
     if resume and (found := already_whole(path, campaign, known or {})) is not None:

@@ -51,8 +51,6 @@ def checked(
             f"{mission.name}: expected a grid of at most {MOST_EVER:,} cases, got {size:,}; give its "
             "axes fewer points"
         )
-    if not path.parent.is_dir():
-        raise BuildError(f"{path}: the folder {path.parent} does not exist")
     _refuse_unknown(mission, solver, settings)
     _refuse_other_database(path, mission)
     campaign = Campaign(

@@ -55,7 +55,7 @@ def _vehicle_stands(mission: MissionSections) -> Iterator[str]:
 
 
 def _mesh_stands(mission: MissionSections) -> Iterator[str]:
-    _ = mission.pseudospectral_mesh.segments
+    _ = mission.mesh.build().segments
     yield from ()
 
 

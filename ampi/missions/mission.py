@@ -153,7 +153,8 @@ class Mission(MissionSections):
             if derived in self.__dict__ and alike:
                 copied.__dict__[derived] = self.__dict__[derived]
         mesh = self.__dict__.get("pseudospectral_mesh")
-        if mesh is not None and copied.mesh is self.mesh and copied.entry.time == self.entry.time:
+        time = getattr(copied.entry, "time", None)  # unchecked: it may be no section
+        if mesh is not None and copied.mesh is self.mesh and time == self.entry.time:
             copied.__dict__["pseudospectral_mesh"] = mesh
         return copied
 

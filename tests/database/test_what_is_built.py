@@ -16,6 +16,7 @@ from ampi.dataset import read_dataset
 from ampi.guidance import Guidance
 from ampi.loading import load_guidance
 from ampi.missions import Mission, MissionError
+from ampi.missions.family import MissionFamily
 from ampi.missions.grid import GridSection
 from ampi.pseudospectral.mesh import Mesh
 from database.estimate import estimate
@@ -160,7 +161,7 @@ def test_a_family_with_one_impossible_member_is_refused(
         ([absurd, small_mission], "entry.speed: Input should be less than or equal to 12000 m/s"),
     ):
         with pytest.raises(MissionError, match=sentence):
-            ampi.solve_family(missions, [nominal] * 2)
+            ampi.solve_family(MissionFamily.of(missions), [nominal] * 2)
 
 
 def test_a_measured_entry_far_out_is_a_hard_problem_and_no_fault(small_mission: Mission) -> None:
