@@ -25,6 +25,7 @@ from ampi.scp.condensed.settings import SolverSettings
 from ampi.scp.condensed.subproblem import ConvexSubproblem, Step, solve_subproblem
 from ampi.scp.condensed.subproblem_cvxpy import solve_subproblem_cvxpy
 from ampi.scp.condensed.trust_region import TrustRegionSettings
+from ampi.scp.cone_program import ConeStatus
 from ampi.scp.guess import ConstantBank, from_trajectory
 from ampi.scp.problem.penalty import PenaltySettings
 from ampi.scp.problem.scaled_problem import OptimalControlProblem
@@ -330,7 +331,7 @@ def test_a_collapsed_trust_region_is_a_stall(mission: Mission) -> None:
 
 def test_a_failed_subproblem_is_a_status(mission: Mission, monkeypatch: pytest.MonkeyPatch) -> None:
     def broken(problem: ConvexSubproblem) -> Step:
-        return replace(solve_subproblem(problem), status="NumericalError")
+        return replace(solve_subproblem(problem), status=ConeStatus.NUMERICAL_ERROR)
 
     monkeypatch.setattr(solver, "solve_subproblem", broken)
     failed = solve(mission, guess=GUESS)
