@@ -7,7 +7,7 @@ import pytest
 from numpy.typing import NDArray
 
 from ampi.physics.state import N_STATES
-from ampi.scp.condensed.condensing import CondensedDynamics
+from ampi.scp.condensed.condensing import CondensedDynamics, _inverse
 from ampi.scp.condensed.cost import add_rate_curvature
 from ampi.scp.condensed.iterate import ONE, Flight, Iterate, Point
 from ampi.scp.condensed.quadratic_model import Multipliers, lagrangian_hessian
@@ -270,3 +270,11 @@ def test_what_is_read_of_the_state_map_is_the_state_map(condensed: CondensedDyna
     exact[:, -2] += 100.0 * over_xt[:, 7] * condensed.transcription.node_free[node]
     rows = condensed.rows(0, node, over_xt)
     assert np.abs(rows - exact).max() < 1e-11 * np.abs(exact).max()
+
+
+def test_a_singular_segment_is_not_a_number_and_its_company_is() -> None:
+    # one point of five states; the first state's row vanishes for the first of two cases
+    jacobian = {(0, 0): np.array([[1.0], [0.5]])}
+    inverses = _inverse(np.eye(5), jacobian, slice(0, 1), 2)
+    assert np.isnan(inverses[0]).all()
+    assert inverses[1] == pytest.approx(np.diag([2.0, 1.0, 1.0, 1.0, 1.0]), rel=1e-15)
