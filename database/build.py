@@ -54,7 +54,7 @@ def build(
     Parameters
     ----------
     mission
-        From `load_mission`.
+        What this object says is built.
     path
         HDF5 file to write; an existing one is replaced only by a whole new one.
     n_jobs
@@ -62,8 +62,7 @@ def build(
     client
         A `distributed.Client`: its workers instead; they must see the folder of `path`.
     resume
-        Continue from the cases that an interrupted build has kept, or find the file already whole;
-        False starts afresh.
+        Go on from what an interrupted build has kept, or find the file whole; False starts afresh.
     time_limit
         Of one solve (s); one that takes longer is ended, and its case tried along another path.
     gains
@@ -71,7 +70,7 @@ def build(
     solver
         The optimiser, a function of a module: another one to measure the runner by itself.
     settings
-        Solver settings of `ampi.solve`, for every solve of the build; the defaults need no tuning.
+        Of `ampi.solve`, for every solve of the build; the defaults need no tuning.
     known
         Optima by case that are kept instead of solved: of a coarser grid, or of a database repaired.
     advance

@@ -35,6 +35,9 @@ class Mission(MissionSections):
         faults = faults or self._grid_faults()
         if faults:
             raise ValueError("\n".join(faults))
+        _ = (
+            self.pseudospectral_mesh
+        )  # made once, for this mission and for all that are moved from it
         return self
 
     def _grid_faults(self) -> list[str]:
