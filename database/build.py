@@ -48,8 +48,8 @@ def build(
 ) -> BuildReport:
     """Solve the mission's grid and write the trajectory database.
 
-    Interrupted at any moment, the same call continues: finished cases are kept in `PATH.partial`
-    until the file is whole. The file does not depend on interruptions, nor on where cases are solved.
+    Interrupted at any moment, the same call continues: what is finished is kept in `PATH.partial`. The
+    file does not depend on interruptions, nor on where cases are solved.
 
     Parameters
     ----------
@@ -84,15 +84,20 @@ def build(
         If the mission, or a point of its grid, says what no mission file could.
     """
     require_workers(n_jobs)
-    if not Path(path).parent.is_dir():
-        raise BuildError(f"{path}: the folder {Path(path).parent} does not exist")
-    path = Path(path).absolute()  # what `advance` or a solver does may change the working folder
+    path = _in_a_folder(Path(path))
     campaign = checked(mission, path, solver, settings, time_limit, gains)
     if resume and (found := already_whole(path, campaign, known or {})) is not None:
         return found
     folder, notify = campaign.folder, advance or (lambda count: None)
     with told(folder, path), exclusive(folder), no_parts(folder), _engine(n_jobs, client) as engine:
         return BuildRun.begin(campaign, path, known or {}, engine, notify, resume=resume).run()
+
+
+def _in_a_folder(path: Path) -> Path:
+    """`path` from the root: what `advance` or a solver does may change the working folder."""
+    if not path.parent.is_dir():
+        raise BuildError(f"{path}: the folder {path.parent} does not exist")
+    return path.absolute()
 
 
 def _engine(n_jobs: int, client: Any) -> AbstractContextManager[Engine]:

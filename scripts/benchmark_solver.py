@@ -19,8 +19,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 import ampi
+from ampi.missions.mission import Mission
 from ampi.missions.path_limits import PathLimits
 from ampi.propagation.reintegration import flight_checks
 from ampi.scp.solve import optimum
@@ -48,12 +50,19 @@ def milliseconds(work: Callable[[], object], runs: int = 25) -> float:
     return 1e3 * float(np.median(found))
 
 
+def beside(mission: Mission, name: str) -> NDArray[np.float64]:
+    """The grid point next to the nominal one along one axis."""
+    place = [parameter.name for parameter in mission.parameters].index(name)
+    values = mission.nominal_parameters.copy()
+    values[place] = mission.grid_axes[place][-1]
+    return values
+
+
 def one_solve() -> None:
-    """Cold from a constant bank angle, and warm beside the solved nominal case."""
+    """Cold from a constant bank angle, and warm from the nominal case to its neighbour on the grid."""
     mission = ampi.load_mission("shefex3")
     nominal = ampi.solve(mission)
-    halfway = [0.25 * (axis[-1] - axis[0]) for axis in mission.grid_axes]
-    near = mission.with_parameters(mission.nominal_parameters + np.array(halfway))
+    near = mission.with_parameters(beside(mission, "speed"))
     rows: list[tuple[str, Callable[[], Trajectory]]] = [
         ("cold: ampi.solve(mission)", lambda: ampi.solve(mission)),
         ("warm: ampi.solve(neighbour, guess=nominal)", lambda: ampi.solve(near, guess=nominal)),
