@@ -30,4 +30,3 @@ CONTROLS = ("bank_rate",)
 CONTROL_UNITS = ("rad/s",)
 
 LOADS = ("dynamic_pressure", "heat_flux", "load_factor")
-LOAD_UNITS = ("Pa", "W/m²", "g₀")

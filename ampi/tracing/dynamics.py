@@ -41,8 +41,7 @@ class Traced:
     t: ca.SX
     p: ca.SX
     f: ca.SX  # (7,)
-    g: ca.SX  # (n_limits + k,): limits, then integrands
-    n_limits: int
+    g: ca.SX  # limits, then integrands
     jacobian: ca.SX  # ∂f/∂x
 
 
@@ -61,7 +60,7 @@ class Physics:
 
 def trace(structure: Hashable, state_scale: tuple[float, ...]) -> Traced:
     """Run the physics on symbols."""
-    x, u, t = ca.SX.sym("x", 7), ca.SX.sym("u"), ca.SX.sym("t")
+    x, u, t = ca.SX.sym("x", N_STATES), ca.SX.sym("u"), ca.SX.sym("t")
     p = ca.SX.sym("p", _count(structure))
     model, functions, rate_scale = put_together(structure, iter(ca.vertsplit(p)))
     scale = ca.DM(list(state_scale))
@@ -77,7 +76,7 @@ def trace(structure: Hashable, state_scale: tuple[float, ...]) -> Traced:
     f = ca.vertcat(*rates) / scale
     jacobian = ca.jacobian(f, x)
     _require_quadratures(jacobian)
-    return Traced(x, u, t, p, f, ca.vertcat(*limited, *integrands), len(limited), jacobian)
+    return Traced(x, u, t, p, f, ca.vertcat(*limited, *integrands), jacobian)
 
 
 def _count(structure: Hashable) -> int:
@@ -158,7 +157,6 @@ class NodeDynamics:
 
     def __init__(self, structure: Hashable, state_scale: tuple[float, ...]) -> None:
         self.traced = trace(structure, state_scale)
-        self.n_limits = self.traced.n_limits
         self._inputs = [self.traced.x, self.traced.u, self.traced.t, self.traced.p]
 
     @cached_property

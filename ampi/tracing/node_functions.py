@@ -21,6 +21,7 @@ import numpy as np
 from ampi.missions.path_limits import PathLimits
 from ampi.physics.equations_of_motion import FlightModel
 from ampi.physics.path_constraints import path_constraints
+from ampi.physics.state import ALTITUDE, FLIGHT_PATH_ANGLE, SPEED
 from ampi.tracing.numbers import is_zero
 
 
@@ -57,11 +58,12 @@ class NodeFunctions:
     def integrands(self, model: FlightModel, state: Any, time: Any) -> list[Any]:
         """The smooth integrand, if any, then the one of the absolute value, if any."""
         found = []
+        h, v, gamma = state[ALTITUDE], state[SPEED], state[FLIGHT_PATH_ANGLE]
         if self.n_smooth:
             heat_flux = path_constraints(model, state, time)[1]
             radius = model.planet.equatorial_radius
-            over_ground = state[3] * np.cos(state[4]) * radius / (radius + state[0])
+            over_ground = v * np.cos(gamma) * radius / (radius + h)
             found.append(self.heat_load * heat_flux + self.ground_range * over_ground)
         if self.desired_altitude_rate is not None:
-            found.append(state[3] * np.sin(state[4]) - self.desired_altitude_rate)
+            found.append(v * np.sin(gamma) - self.desired_altitude_rate)
         return found

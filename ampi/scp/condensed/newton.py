@@ -141,14 +141,14 @@ class NewtonIteration:
                 before, size = size, self.newton_step(shift, step)
                 good = (size < settings.largest_step) & (size < settings.contraction * before)
                 done, last = self.simplified_steps(system, good, size)
-                left = good & ~done
+                ongoing = good & ~done
                 done &= self.restore(system.condensed, done, last)
                 kept = self.keeps_limits(system.rows)
             yield from self.solutions(np.flatnonzero(done & kept), everyone)
             size[done & ~kept] = np.inf  # one more limit is to be held: by a step of any size
-            left |= done & ~kept
-            self.keep(left)
-            size = size[left]
+            ongoing |= done & ~kept
+            self.keep(ongoing)
+            size = size[ongoing]
             if not len(self.numbers):
                 return
 
@@ -168,12 +168,13 @@ class NewtonIteration:
         Where that holds no limit, the multipliers of the neighbour are as good, and the first will do.
         """
         multipliers = self.multipliers
-        lost = np.flatnonzero(~np.isfinite(first.z[:, 0]))
-        if len(lost):  # it may be a limit alone that keeps H positive definite
-            multipliers.side[lost] = 0
+        indefinite = np.flatnonzero(~np.isfinite(first.z[:, 0]))
+        if len(indefinite):  # it may be a limit alone that keeps H positive definite
+            multipliers.side[indefinite] = 0
             convex = system.gauss_newton(self.settings.curvature)
-            found = self.solution(convex, shift, lost)
-            first.target[lost], first.limits[lost] = found.target[lost], found.limits[lost]
+            found = self.solution(convex, shift, indefinite)
+            first.target[indefinite] = found.target[indefinite]
+            first.limits[indefinite] = found.limits[indefinite]
         limited = np.flatnonzero(multipliers.side.any(axis=1))
         if not len(limited):
             return system, first
@@ -296,21 +297,21 @@ class NewtonIteration:
         """
         settings, points = self.settings.restoration, self.points
         converged = np.zeros_like(chosen)
-        open_ = np.flatnonzero(chosen)
-        before = last[open_]
+        moving = np.flatnonzero(chosen)
+        before = last[moving]
         for _ in range(settings.corrections):
-            if not len(open_):
+            if not len(moving):
                 break
-            rates, points.functions[:, open_] = points.evaluate(
-                points.problem.dynamics.values, open_
+            rates, points.functions[:, moving] = points.evaluate(
+                points.problem.dynamics.values, moving
             )
-            change = points.shift(condensed, rates, open_)
-            points.x[:, open_, 1:] += change.transpose(2, 0, 1)
+            change = points.shift(condensed, rates, moving)
+            points.x[:, moving, 1:] += change.transpose(2, 0, 1)
             size = np.abs(change).max(axis=(1, 2))
             there = _remaining(size, before) < settings.tolerance
-            converged[open_[there]] = True
+            converged[moving[there]] = True
             going = ~there & (size < 2.0 * before)
-            open_, before = open_[going], size[going]
+            moving, before = moving[going], size[going]
         return converged
 
     def keeps_limits(self, rows: LimitRows) -> Flags:
