@@ -26,8 +26,7 @@ import numpy as np
 from ampi.missions.sections import MissionSections
 from ampi.physics.equations_of_motion import FlightModel
 from ampi.physics.path_constraints import no_fly_zone, path_constraints
-from ampi.physics.state import ALTITUDE, BANK, LATITUDE, LOADS, LONGITUDE, SPEED
-from ampi.physics.vehicle import air_loads
+from ampi.physics.state import BANK, LATITUDE, LOADS, LONGITUDE, SPEED
 
 KEPT = 1e-3  # of a limit: the excess that still counts as kept
 CONTROL_LIMITS = ("bank_angle", "bank_rate")
@@ -106,8 +105,7 @@ class PathLimits:
     def floor_use(self, model: FlightModel, state: Any, time: Any) -> Any:
         """Use of the drag floor where it holds."""
         least, _ = self.drag_floor or (np.inf, 0.0)
-        drag = air_loads(model.vehicle, model.atmosphere, state[ALTITUDE], state[SPEED], time).drag
-        return 2.0 - drag / least
+        return 2.0 - model.air_loads(state, time).drag / least
 
     def zones(self, longitude: Any, latitude: Any) -> list[Any]:
         """Use of each no-fly zone at a point (rad)."""

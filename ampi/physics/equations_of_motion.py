@@ -4,6 +4,9 @@
              flight-path angle, azimuth (0 = north, clockwise), bank angle
     control  u = σ̇
 
+The paper's air moves with the planet; here it may also blow (wind). The bank angle is about the velocity
+through the air.
+
 Written once, in numpy ufuncs: floats, arrays over flights, complex steps and CasADi symbols all
 run through these lines.
 
@@ -21,17 +24,56 @@ import numpy as np
 
 from ampi.physics.atmosphere import Atmosphere
 from ampi.physics.planet import Planet, gravity
-from ampi.physics.state import N_STATES
-from ampi.physics.vehicle import Vehicle, air_loads
+from ampi.physics.state import ALTITUDE, BANK, LATITUDE, SPEED
+from ampi.physics.vehicle import AirLoads, Vehicle, air_loads_at_angle
+from ampi.physics.wind import AirVelocity, Track, Wind
 
 
 @dataclass(frozen=True)
 class FlightModel:
-    """Everything the right-hand side depends on besides state, control and time."""
+    """Everything the right-hand side depends on besides state, control and time.
+
+    The air loads follow from the speed through the air; the angle-of-attack schedule from the speed over
+    the ground, which is what a vehicle without air data knows.
+    """
 
     planet: Planet
     atmosphere: Atmosphere
     vehicle: Vehicle
+    wind: Wind | None = None  # None: still air
+    angle_of_attack_offset: Any = None  # rad, on the schedule's angle; None: flown as it stands
+
+    def air_loads(self, state: Any, time: Any) -> AirLoads:
+        """Lift and drag (m/s²), density, angle of attack and speed through the air at a state."""
+        if self.wind is None:
+            return self._air_loads(state, time, state[SPEED])
+        through_air = AirVelocity.of(self.wind, state, Track.of(state))
+        return self._air_loads(state, time, through_air.speed)
+
+    def _air_loads(self, state: Any, time: Any, speed: Any) -> AirLoads:
+        angle = self.vehicle.angle_of_attack(time, state[SPEED])
+        if self.angle_of_attack_offset is not None:
+            angle = angle + self.angle_of_attack_offset
+        return air_loads_at_angle(self.vehicle, self.atmosphere, state[ALTITUDE], speed, angle)
+
+
+def aerodynamic_acceleration(model: FlightModel, state: Any, time: Any) -> tuple[Any, Any, Any]:
+    """What an ideal accelerometer senses (m/s²): the air's acceleration of the vehicle.
+
+    Components along the velocity over the ground, normal to it in the vertical plane and upwards, and
+    horizontally to its right; in still air (−D, L cos σ, L sin σ). Arguments of `equations_of_motion`.
+    """
+    return _acceleration(model, state, time, Track.of(state))
+
+
+def _acceleration(model: FlightModel, state: Any, time: Any, track: Track) -> tuple[Any, Any, Any]:
+    if model.wind is None:
+        air = model._air_loads(state, time, state[SPEED])
+        return -air.drag, air.lift * np.cos(state[BANK]), air.lift * np.sin(state[BANK])
+    through_air = AirVelocity.of(model.wind, state, track)
+    air = model._air_loads(state, time, through_air.speed)
+    lift_up, lift_right = air.lift * np.cos(state[BANK]), air.lift * np.sin(state[BANK])
+    return through_air.along_the_track(air.drag, lift_up, lift_right, track)
 
 
 def equations_of_motion(
@@ -42,7 +84,7 @@ def equations_of_motion(
     Parameters
     ----------
     model
-        Planet, atmosphere and vehicle.
+        Planet, atmosphere, vehicle and wind.
     state
         Sequence of seven floats, equally shaped arrays, or symbols (SI, rad).
     bank_rate
@@ -50,16 +92,14 @@ def equations_of_motion(
     time
         Time since the entry interface (s); the angle of attack may depend on it.
     """
-    altitude, _, latitude, speed, flight_path_angle, azimuth, bank_angle = (
-        state[i] for i in range(N_STATES)
-    )
+    altitude, latitude, speed = state[ALTITUDE], state[LATITUDE], state[SPEED]
     radius = model.planet.equatorial_radius + altitude
     sin_lat, cos_lat = np.sin(latitude), np.cos(latitude)
-    sin_fpa, cos_fpa = np.sin(flight_path_angle), np.cos(flight_path_angle)
-    sin_azi, cos_azi = np.sin(azimuth), np.cos(azimuth)
+    track = Track.of(state)
+    sin_fpa, cos_fpa, sin_azi, cos_azi = track.sin_fpa, track.cos_fpa, track.sin_azi, track.cos_azi
     tan_fpa, tan_lat = sin_fpa / cos_fpa, sin_lat / cos_lat
 
-    air = air_loads(model.vehicle, model.atmosphere, altitude, speed, time)
+    along, up, right = _acceleration(model, state, time, track)
     g = gravity(model.planet, radius, latitude)
     omega = model.planet.rotation_rate
     centrifugal = omega * omega * radius * cos_lat
@@ -68,16 +108,16 @@ def equations_of_motion(
     longitude_rate = speed * cos_fpa * sin_azi / (radius * cos_lat)
     latitude_rate = speed * cos_fpa * cos_azi / radius
     speed_rate = (
-        -air.drag - g * sin_fpa + centrifugal * (sin_fpa * cos_lat - cos_fpa * sin_lat * cos_azi)
+        along - g * sin_fpa + centrifugal * (sin_fpa * cos_lat - cos_fpa * sin_lat * cos_azi)
     )
     flight_path_rate = (
-        air.lift * np.cos(bank_angle) / speed
+        up / speed
         + (speed / radius - g / speed) * cos_fpa
         + 2.0 * omega * cos_lat * sin_azi
         + centrifugal / speed * (cos_fpa * cos_lat + sin_fpa * sin_lat * cos_azi)
     )
     azimuth_rate = (
-        air.lift * np.sin(bank_angle) / (speed * cos_fpa)
+        right / (speed * cos_fpa)
         + speed / radius * cos_fpa * sin_azi * tan_lat
         - 2.0 * omega * (tan_fpa * cos_lat * cos_azi - sin_lat)
         + centrifugal / (speed * cos_fpa) * sin_lat * sin_azi

@@ -3,7 +3,8 @@
     q = ½ ρ V²,   Q̇ = k_q √ρ V^n,   n_z = |L cos α + D sin α| / g₀              (4)
 
 with n = 3 there; the exponent (3.15 in other papers) belongs to the vehicle, and so does the choice
-of the load factor: the normal one above, or the total n = √(L² + D²) / g₀ of Liu 2015, Eq. (11).
+of the load factor: the normal one above, or the total n = √(L² + D²) / g₀ of Liu 2015, Eq. (11). V is
+the speed through the air.
 
 A no-fly zone is a circle on the sphere, at any latitude and across any meridian, 1 on its edge:
 
@@ -22,18 +23,16 @@ import numpy as np
 
 from ampi.physics.equations_of_motion import FlightModel
 from ampi.physics.planet import haversine
-from ampi.physics.vehicle import air_loads
 
 
 def path_constraints(model: FlightModel, state: Any, time: Any) -> tuple[Any, Any, Any]:
     """(q in Pa, Q̇ in W/m², n_z in g) at `state` (h, θ, φ, V, γ, ψ, σ; SI, rad) and `time` (s)."""
-    altitude, speed = state[0], state[3]
-    air = air_loads(model.vehicle, model.atmosphere, altitude, speed, time)
-    pressure = 0.5 * air.density * speed * speed
+    air = model.air_loads(state, time)
+    pressure = 0.5 * air.density * air.speed * air.speed
     heat_flux = (
         model.vehicle.heat_flux_constant
         * np.sqrt(air.density)
-        * speed**model.vehicle.heat_flux_speed_exponent
+        * air.speed**model.vehicle.heat_flux_speed_exponent
     )
     if model.vehicle.load_factor == "total":
         total = np.sqrt(air.lift * air.lift + air.drag * air.drag)

@@ -90,12 +90,13 @@ class Vehicle:
 
 @dataclass(frozen=True)
 class AirLoads:
-    """Specific aerodynamic loads at a flight condition: lift and drag (m/s²), ρ, α."""
+    """Specific aerodynamic loads at a flight condition: lift and drag (m/s²), ρ, α, speed in the air."""
 
     lift: Any
     drag: Any
     density: Any
     angle_of_attack: Any
+    speed: Any
 
 
 def air_loads(
@@ -103,6 +104,13 @@ def air_loads(
 ) -> AirLoads:
     """Lift and drag accelerations (m/s²) at `altitude` (m), `speed` (m/s) and `time` (s)."""
     angle_of_attack = vehicle.angle_of_attack(time, speed)
+    return air_loads_at_angle(vehicle, atmosphere, altitude, speed, angle_of_attack)
+
+
+def air_loads_at_angle(
+    vehicle: Vehicle, atmosphere: Atmosphere, altitude: Any, speed: Any, angle_of_attack: Any
+) -> AirLoads:
+    """The same at an `angle_of_attack` (rad) of one's own; `speed` is through the air."""
     density = atmosphere.density(altitude)
     aerodynamics = vehicle.aerodynamics
     mach = speed / atmosphere.speed_of_sound(altitude) if aerodynamics.needs_mach else None
@@ -113,4 +121,5 @@ def air_loads(
         drag=specific_pressure * (vehicle.drag_factor * drag_coefficient),
         density=density,
         angle_of_attack=angle_of_attack,
+        speed=speed,
     )
