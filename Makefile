@@ -50,7 +50,7 @@ wheel: $(VENV)/.test
 # Pins every version that was tested together. Run on purpose, read the difference, commit it.
 lock:
 	rm -rf .lock-venv && $(PYTHON) -m venv .lock-venv
-	.lock-venv/bin/pip install --quiet '.[report,test,lint,cluster]'
+	.lock-venv/bin/pip install --quiet '.[report,test,lint,cluster,atmosphere]'
 	.lock-venv/bin/pip freeze --exclude ampi --exclude-editable | grep -v ' @ ' > constraints.txt
 	rm -rf .lock-venv build
 

@@ -10,7 +10,7 @@ import sys
 
 import typer
 
-from ampi.cli import audit, build, cases, fly, guide, missions, papers, report, solve
+from ampi.cli import atmosphere, audit, build, cases, fly, guide, missions, papers, report, solve
 from ampi.cli.console import error_out, out, print_error
 from ampi.cli.endings import watch_signals
 from ampi.cli.terminal import discard, standard_stream
@@ -26,6 +26,7 @@ app = typer.Typer(
 )
 for command in (  # in the order of --help
     missions.missions,
+    atmosphere.atmosphere,
     solve.solve,
     build.build,
     cases.rerun,

@@ -20,6 +20,8 @@ def disagreements(mission: MissionSections) -> list[str]:
     found: list[str] = []
     for sections, check in (
         ("vehicle", _vehicle_stands),
+        ("planet atmosphere", _air_stands),
+        ("atmosphere entry", _air_reaches_the_entry),
         ("mesh", _mesh_stands),
         ("entry target", _flight_slows_down),
         ("planet atmosphere vehicle limits entry", _entry_keeps_limits),
@@ -52,6 +54,20 @@ def another_structure(mission: MissionSections, there: MissionSections) -> list[
 def _vehicle_stands(mission: MissionSections) -> Iterator[str]:
     mission.vehicle.build()
     yield from ()
+
+
+def _air_stands(mission: MissionSections) -> Iterator[str]:
+    mission.atmosphere.build(mission.planet.build().surface_gravity)
+    yield from ()
+
+
+def _air_reaches_the_entry(mission: MissionSections) -> Iterator[str]:
+    altitudes, entry = mission.atmosphere.altitude, mission.entry.altitude
+    if altitudes and altitudes[-1] < entry:
+        yield (
+            f"atmosphere.altitude: expected a table that reaches entry.altitude ({entry / 1e3:.6g} km), "
+            f"got one that ends at {altitudes[-1] / 1e3:.6g} km"
+        )
 
 
 def _mesh_stands(mission: MissionSections) -> Iterator[str]:

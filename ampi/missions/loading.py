@@ -5,6 +5,7 @@ from __future__ import annotations
 import tomllib
 from dataclasses import dataclass
 from importlib import resources
+from importlib.resources.abc import Traversable
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +13,7 @@ from pydantic import TypeAdapter, ValidationError
 
 from ampi.missions import units as u
 from ampi.missions.agreement import disagreements
+from ampi.missions.air_table import with_air_table
 from ampi.missions.mission import Mission
 from ampi.missions.sections import MissionError, MissionSections
 
@@ -20,6 +22,7 @@ from ampi.missions.sections import MissionError, MissionSections
 class _Source:
     label: str
     text: str
+    folder: Traversable  # where it says that other files are
 
 
 def shipped_missions() -> list[str]:
@@ -35,7 +38,7 @@ def _read(name_or_path: str | Path) -> _Source:
         if not path.is_file():
             raise MissionError(f"mission: no file at {path}")
         try:
-            return _Source(str(path), path.read_text(encoding="utf-8"))
+            return _Source(str(path), path.read_text(encoding="utf-8"), path.parent)
         except UnicodeDecodeError:
             raise MissionError(f"{path}: not a text file in UTF-8") from None
     if not shipped:
@@ -43,17 +46,22 @@ def _read(name_or_path: str | Path) -> _Source:
             f"mission: expected one of {', '.join(known)} or the path of a .toml file, "
             f"got {str(name_or_path)!r}"
         )
-    file = resources.files("ampi.missions").joinpath(f"{name_or_path}.toml")
-    return _Source(str(name_or_path), file.read_text(encoding="utf-8"))
+    folder = resources.files("ampi.missions")
+    file = folder.joinpath(f"{name_or_path}.toml")
+    return _Source(str(name_or_path), file.read_text(encoding="utf-8"), folder)
 
 
-def parse_mission(text: str, label: str = "mission") -> Mission:
-    """Mission from TOML `text`; `label` opens the error messages."""
+def parse_mission(text: str, label: str = "mission", folder: Traversable | None = None) -> Mission:
+    """Mission from TOML `text`; `label` opens the error messages, files it names lie in `folder`."""
     text = text.removeprefix("\ufeff")  # the byte order mark of a text file
     try:
         data: dict[str, Any] = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
         raise MissionError(f"{label}: not valid TOML: {error}") from None
+    try:
+        data = with_air_table(data, folder)
+    except ValueError as error:
+        raise MissionError(f"{label}: {error}") from None
     try:
         return Mission.model_validate(data)
     except ValidationError as error:
@@ -91,4 +99,4 @@ def load_mission(name_or_path: str | Path) -> Mission:
         expected and what came.
     """
     source = _read(name_or_path)
-    return parse_mission(source.text, source.label)
+    return parse_mission(source.text, source.label, source.folder)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
@@ -19,6 +20,7 @@ from ampi.physics.atmosphere import (
     Atmosphere,
     ExponentialAtmosphere,
     StandardAtmosphere1976,
+    TableAtmosphere,
 )
 from ampi.physics.planet import WGS84, Planet
 from ampi.physics.vehicle import AngleOfAttackSchedule, Vehicle
@@ -62,32 +64,60 @@ class PlanetSection(Section):
         )
 
 
+OWN_FIELDS = {  # of each model of the atmosphere; the density factor is of all
+    "us76": (),
+    "exponential": ("surface_density", "scale_height", "specific_heat_ratio"),
+    "table": ("altitude", "density", "speed_of_sound"),
+}
+
+
 class AtmosphereSection(Section):
-    """`us76`, or `exponential` with surface density (kg/m³) and scale height; a factor on either.
+    """`us76`, `exponential` with surface density (kg/m³) and scale height, or a `table`; and a factor.
 
     An exponential atmosphere is isothermal: its speed of sound, √(κ g H), follows from its scale height
     H, the planet's surface gravity g and its `specific_heat_ratio` κ (1.4 of air, 1.29 of CO₂).
+
+    A table has `altitude`, `density` (kg/m³) and `speed_of_sound` from the ground to the entry altitude
+    at least. A mission file may name a CSV in their place (`file`, air_table); a mission holds them.
     """
 
-    model: Literal["us76", "exponential"]
+    model: Literal["us76", "exponential", "table"]
     density_factor: Number = Field(default=1.0, gt=0)  # on the model's density, nominal 1
     surface_density: Number | None = Field(default=None, gt=0)
     scale_height: u.Length | None = Field(default=None, gt=0)
     specific_heat_ratio: Number | None = Field(default=None, gt=1)
+    altitude: u.Lengths | None = None
+    density: tuple[Number, ...] | None = None  # kg/m³
+    speed_of_sound: u.Speeds | None = None
 
     @model_validator(mode="after")
-    def _exponential_is_complete(self) -> AtmosphereSection:
+    def _model_is_complete(self) -> AtmosphereSection:
         if self.model == "exponential" and (
             self.surface_density is None or self.scale_height is None
         ):
             raise ValueError("exponential needs surface_density (kg/m³) and scale_height_m")
-        given = self.model_fields_set - {"model", "density_factor"}
-        if self.model == "us76" and given:
-            raise ValueError(f"us76 is complete in itself; remove {', '.join(sorted(given))}")
+        if self.model == "table" and None in (self.altitude, self.density, self.speed_of_sound):
+            raise ValueError(
+                "table needs altitude_km, density (kg/m³) and speed_of_sound_m_per_s, or a file of them"
+            )
+        own = OWN_FIELDS.get(self.model, ())  # a changed object may have any name
+        given = self.model_fields_set - {"model", "density_factor", *own}
+        if given:
+            what = "complete in itself" if not own else f"complete with {', '.join(own)}"
+            raise ValueError(f"{self.model} is {what}; remove {', '.join(sorted(given))}")
         return self
 
     def build(self, surface_gravity: float) -> Atmosphere:
-        """The physics object over a planet of `surface_gravity` (m/s²)."""
+        """The physics object over a planet of `surface_gravity` (m/s²).
+
+        Raises
+        ------
+        ValueError
+            If it is a table that cannot be made smooth.
+        """
+        if self.altitude and self.density and self.speed_of_sound:
+            table = TableAtmosphere.of(self.altitude, self.density, self.speed_of_sound)
+            return replace(table, density_factor=self.density_factor)
         if self.surface_density is None or self.scale_height is None:
             return StandardAtmosphere1976(density_factor=self.density_factor)
         return ExponentialAtmosphere(

@@ -37,11 +37,13 @@ SHORT: dict[Path, str] = {
     ("vehicle", "drag_factor"): "drag_factor",
 }
 MOST_DIMENSIONS = 10
+AIR_TABLE = tuple(("atmosphere", name) for name in ("altitude", "density", "speed_of_sound"))
 NOT_PARAMETERS = (
     ("grid",),
     ("mesh",),
-    ("entry", "time"),
-)  # the nodes of the mesh depend on the time
+    ("entry", "time"),  # the nodes of the mesh depend on the time
+    *AIR_TABLE,  # the curve through it is structure; density_factor moves all of it
+)
 
 
 @dataclass(frozen=True)
@@ -153,7 +155,8 @@ def resolve(mission: BaseModel, grid: Mapping[str, tuple[float, ...]]) -> tuple[
         if number is None and _is_structure(mission, key):
             raise ValueError(
                 f"grid.{key}: expected a number that leaves the structure of the mission as it is, got "
-                "one that its structure depends on (the mesh, the name of a model); build each by itself"
+                "one that its structure depends on (the mesh, a table of the air, the name of a model); "
+                "build each by itself"
             )
         if number is None:
             near = get_close_matches(key, {**known, **long}, n=4, cutoff=0.5)
@@ -177,14 +180,17 @@ def resolve(mission: BaseModel, grid: Mapping[str, tuple[float, ...]]) -> tuple[
 def _is_structure(mission: BaseModel, key: str) -> bool:
     """Whether `key` names a part of the mission that no parameter may move."""
     here: Any = mission
-    for part in key.split("."):
+    parts = tuple(key.split("."))
+    if any(parts[: len(path)] == path for path in NOT_PARAMETERS):
+        return True
+    for part in parts:
         if isinstance(here, tuple) and part.isdigit() and int(part) < len(here):
             here = here[int(part)]
         elif isinstance(here, BaseModel) and part in type(here).model_fields:
             here = getattr(here, part)
         else:
-            return key.partition(".")[0] in NOT_PARAMETERS
-    return isinstance(here, str | int | BaseModel) or key.partition(".")[0] in NOT_PARAMETERS
+            return False
+    return isinstance(here, str | int | BaseModel)
 
 
 AnySection = TypeVar("AnySection", bound=BaseModel)

@@ -78,6 +78,7 @@ PerSpeedSquared = Annotated[float, Dimension("inverse speed squared")]
 AngleRange = Annotated[tuple[float, float], Dimension("angle", is_range=True)]
 CircularRange = Annotated[tuple[float, float], Dimension("angle", is_range=True, is_circular=True)]
 Lengths = Annotated[tuple[float, ...], Dimension("length")]
+Speeds = Annotated[tuple[float, ...], Dimension("speed")]
 
 
 Number = Annotated[float, Field(strict=True)]

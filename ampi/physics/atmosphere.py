@@ -11,6 +11,10 @@ floats, arrays, complex numbers and symbols, and has derivatives of every order.
 degree is left, and with it all digits; powers of ξ would lose five. Outside the table ln ρ goes on
 linearly, with the slope of the edge. A cubic spline was rejected: its third derivative
 jumps at every knot, and its evaluation needs an index, which a symbolic tracer cannot follow.
+
+`TableAtmosphere` is the same of any table, of ln ρ and of ln c. A polynomial of degree 24 through few
+points is free between them: the points are joined by a natural cubic spline first, and it is that which
+is fitted.
 """
 
 from __future__ import annotations
@@ -18,6 +22,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from functools import lru_cache
 from importlib import resources
+from itertools import pairwise
 from typing import Any, Protocol
 
 import numpy as np
@@ -27,6 +32,12 @@ from numpy.typing import NDArray
 SPECIFIC_HEAT_RATIO = 1.4  # of air
 AIR_GAS_CONSTANT = 287.053  # J/(kg K)
 CHEBYSHEV_DEGREE = 24  # 0.3 % rms of density, 1.4 % at the tropopause; see tests/physics
+LEAST_POINTS = 8  # of a table: fewer say nothing of the shape between them
+FITTED_POINTS = 521  # of the spline, evenly spaced: twenty times the degree
+WORST_FIT = 0.05  # of a table's number; NRLMSIS of any season is met within 0.03
+
+
+Numbers = tuple[float, ...]
 
 
 class Atmosphere(Protocol):
@@ -134,3 +145,89 @@ class StandardAtmosphere1976:
     def speed_of_sound(self, altitude: Any) -> Any:
         """Speed of sound (m/s), √(κ R T), at geometric `altitude` (m)."""
         return np.sqrt(SPECIFIC_HEAT_RATIO * AIR_GAS_CONSTANT * self.temperature(altitude))
+
+
+@dataclass(frozen=True)
+class TableAtmosphere:
+    """Density and speed of sound of a table, made smooth."""
+
+    log_density: SmoothTable = field(repr=False)
+    log_speed_of_sound: SmoothTable = field(repr=False)
+    density_factor: float = 1.0
+
+    @classmethod
+    @lru_cache(maxsize=32)
+    def of(cls, altitude: Numbers, density: Numbers, speed_of_sound: Numbers) -> TableAtmosphere:
+        """Through `density` (kg/m³) and `speed_of_sound` (m/s) over geometric `altitude` (m).
+
+        Raises
+        ------
+        ValueError
+            If the altitudes are few, do not increase or start above the ground, if a number is missing
+            or not positive, or if no smooth curve follows the table.
+        """
+        _check_altitudes(altitude)
+        for name, column in (("density", density), ("speed_of_sound", speed_of_sound)):
+            _check_column(name, column, altitude)
+        return cls(
+            _smooth("density", altitude, density),
+            _smooth("speed_of_sound", altitude, speed_of_sound),
+        )
+
+    def density(self, altitude: Any) -> Any:
+        """Density (kg/m³) at geometric `altitude` (m)."""
+        return self.density_factor * np.exp(self.log_density(altitude))
+
+    def speed_of_sound(self, altitude: Any) -> Any:
+        """Speed of sound (m/s) at geometric `altitude` (m)."""
+        return np.exp(self.log_speed_of_sound(altitude))
+
+
+def _check_altitudes(altitude: Numbers) -> None:
+    if len(altitude) < LEAST_POINTS:
+        raise ValueError(
+            f"atmosphere.altitude: expected at least {LEAST_POINTS} altitudes, got {len(altitude)}"
+        )
+    for below, above in pairwise(altitude):
+        if not above > below:
+            raise ValueError(
+                f"atmosphere.altitude: expected altitudes that increase strictly, got {above:g} m after "
+                f"{below:g} m"
+            )
+    if altitude[0] > 0.0:
+        raise ValueError(
+            "atmosphere.altitude: expected a table that starts at 0 m or below, got one that starts at "
+            f"{altitude[0]:g} m"
+        )
+
+
+def _check_column(name: str, column: Numbers, altitude: Numbers) -> None:
+    if len(column) != len(altitude):
+        raise ValueError(
+            f"atmosphere.{name}: expected {len(altitude)} numbers, one for each altitude, got "
+            f"{len(column)}"
+        )
+    for h, value in zip(altitude, column, strict=True):
+        if not 0.0 < value < np.inf:
+            raise ValueError(
+                f"atmosphere.{name}: expected positive numbers, got {value:g} at {h:g} m"
+            )
+
+
+def _smooth(name: str, altitude: Numbers, column: Numbers) -> SmoothTable:
+    """Of the logarithm."""
+    from scipy.interpolate import CubicSpline  # what flies in other air does without scipy
+
+    h, logarithm = np.array(altitude), np.log(column)
+    even = np.linspace(0.0, h[-1], FITTED_POINTS)
+    found = SmoothTable.fit(even, CubicSpline(h, logarithm, bc_type="natural")(even))
+    above_ground = h >= 0.0
+    off = np.abs(np.expm1(found(h) - logarithm)) * above_ground
+    worst = int(np.argmax(off))
+    if off[worst] > WORST_FIT:
+        raise ValueError(
+            f"atmosphere.{name}: expected a table that a smooth curve follows within "
+            f"{100.0 * WORST_FIT:g} %, got one that it leaves by {100.0 * off[worst]:.3g} % at "
+            f"{h[worst]:g} m; smooth it there, or leave out what lies far above the entry"
+        )
+    return found
