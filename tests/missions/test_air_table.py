@@ -212,3 +212,13 @@ def test_the_optimum_in_a_table_of_the_standard_air_is_that_in_the_standard_air(
     apart = great_circle_distance(*one.states[1:3, -1], *two.states[1:3, -1], 6_378_137.0)
     assert apart < 10.0
     assert np.abs(two.states[0] - one.states[0]).max() < 60.0
+
+
+@pytest.mark.slow
+def test_the_shipped_mission_in_arctic_air_is_solved() -> None:
+    """In air thinner by a third at 40 km, to the same target."""
+    january = load_mission("shefex3_january")
+    assert january.target == SHEFEX3.target
+    thinner = january.flight_model.atmosphere.density(40e3) / AIR.density(40e3)
+    assert thinner == pytest.approx(0.69, abs=0.01)
+    assert ampi.solve(january).status.ok
