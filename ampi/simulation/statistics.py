@@ -1,15 +1,14 @@
-"""The verdict on a campaign: counts, percentages with confidence intervals, footprint.
+"""The verdict on a campaign: counts, percentages and misses with their intervals, footprint.
 
-Percentages carry the exact (Clopper–Pearson) 95 % interval. The footprint is the area of the
-covariance ellipse that holds 95 % of a bivariate normal, and its ratio between two campaigns flown on
-the same draws carries a paired bootstrap interval.
+The estimates are those of ampi/simulation/estimates. The footprint is the area of the covariance
+ellipse that holds 95 % of a bivariate normal, and its ratio between two campaigns flown on the same
+draws carries a paired bootstrap interval.
 """
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, is_dataclass
 from itertools import pairwise
 from typing import Any
 
@@ -17,61 +16,36 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ampi.onboard.reference import Mode
+from ampi.simulation.estimates.bootstrap import Estimate, mean_of
+from ampi.simulation.estimates.ellipses import (
+    ELLIPSE,
+    Ellipse,
+    containing_ellipse,
+    ellipse_area,
+)
+from ampi.simulation.estimates.failures import counts
+from ampi.simulation.estimates.proportions import Fraction
+from ampi.simulation.estimates.spreads import Sizes, Spread
 from ampi.simulation.flights import Flights
+
+__all__ = [
+    "ELLIPSE",
+    "TABLE_5_RADII",
+    "AreaRatio",
+    "Fraction",
+    "Spread",
+    "Verdict",
+    "ellipse_area",
+    "footprint_ratio",
+    "judge",
+    "ratio_to_nominal",
+]
 
 Array = NDArray[np.float64]
 
-CONFIDENCE = 0.95
-ELLIPSE = -2.0 * math.log(1.0 - CONFIDENCE)  # squared Mahalanobis radius: χ² of two numbers
 BOOTSTRAPS = 2000
 FEWEST_FOR_RATIO = 30  # flights; below it the bootstrap draws degenerate ellipses
 TABLE_5_RADII = (25e3, 50e3, 75e3)  # m, Sagliano et al. 2016, Table 5
-
-
-@dataclass(frozen=True)
-class Fraction:
-    """A count of n with its 95 % interval (fractions, 0 … 1)."""
-
-    count: int
-    n: int
-    low: float
-    high: float
-
-    @classmethod
-    def of(cls, hits: NDArray[np.bool_]) -> Fraction:
-        """From one truth value per flight."""
-        from scipy.special import betaincinv  # after the flights: what flies does without scipy
-
-        count, n = int(np.count_nonzero(hits)), len(hits)
-        tail = 0.5 * (1.0 - CONFIDENCE)
-        low = 0.0 if count == 0 else betaincinv(count, n - count + 1, tail)
-        high = 1.0 if count == n else betaincinv(count + 1, n - count, 1.0 - tail)
-        return cls(count, n, float(low), float(high))
-
-    @property
-    def percent(self) -> float:
-        """In percent."""
-        return 100.0 * self.count / self.n
-
-    def __str__(self) -> str:
-        return f"{self.percent:.1f} % [{100 * self.low:.1f}, {100 * self.high:.1f}]"
-
-
-@dataclass(frozen=True)
-class Spread:
-    """Size of an error over the flights that reached the target speed."""
-
-    median: float
-    percentile_99: float
-    worst: float
-
-    @classmethod
-    def of(cls, error: Array) -> Spread:
-        """From signed or unsigned errors."""
-        size = np.abs(error[np.isfinite(error)])
-        if len(size) == 0:
-            return cls(np.nan, np.nan, np.nan)
-        return cls(float(np.median(size)), float(np.percentile(size, 99)), float(size.max()))
 
 
 @dataclass(frozen=True)
@@ -87,19 +61,23 @@ class Verdict:
     hole: Fraction  # on references that are borrowed from beside an unsolved case
     rings: tuple[Fraction, ...]  # Table 5: within 25 km, 25–50, 50–75, outside
     within: dict[float, Fraction]  # radius of the mission (m) → flights within it
-    miss: Spread  # m
+    miss: Spread  # m, of the flights that reached the target speed
+    misses: Sizes  # m, of all flights: the others count as infinitely far
     altitude: Spread  # m
     speed: Spread  # m/s
     peak: dict[str, Spread]  # greatest use of each limit, per flight
     limits_kept: Fraction
     footprint_area: float  # m²
+    containment: Ellipse | None  # holds 95 % of all flights; None: too few arrived, or on a line
+    classes: dict[str, Fraction] | None  # `FailureClass` → flights, all told; None: not classified
+    means: dict[str, Estimate]  # of numbers that every flight has: saturation, activity
 
     def as_dict(self) -> dict[str, Any]:
         """Plain numbers for JSON."""
 
         def plain(value: Any) -> Any:
-            if isinstance(value, Fraction | Spread):
-                return dict(vars(value))
+            if is_dataclass(value):
+                return {field.name: plain(getattr(value, field.name)) for field in fields(value)}
             if isinstance(value, dict):
                 return {str(k): plain(v) for k, v in value.items()}
             if isinstance(value, tuple):
@@ -109,8 +87,16 @@ class Verdict:
         return {k: plain(v) for k, v in vars(self).items()}
 
 
-def judge(flights: Flights) -> Verdict:
-    """Statistics of one campaign. A flight that did not reach the target speed is in no circle."""
+def judge(
+    flights: Flights,
+    *,
+    classes: NDArray[np.int64] | None = None,
+    per_flight: Mapping[str, Array] | None = None,
+) -> Verdict:
+    """Statistics of one campaign. A flight that did not reach the target speed is in no circle.
+
+    `classes` (n,), of `failures.classify`; `per_flight`: name → (n,) numbers whose means are asked.
+    """
     if not isinstance(flights, Flights):
         raise ValueError(f"flights: expected Flights, from ampi.fly, got {flights!r:.60}")
     good = flights.reached
@@ -132,20 +118,16 @@ def judge(flights: Flights) -> Verdict:
         rings=rings,
         within={radius: Fraction.of(miss < radius) for radius in flights.radii.tolist()},
         miss=Spread.of(flights.miss[good]),
+        misses=Sizes.of(miss),
         altitude=Spread.of(flights.altitude_error[good]),
         speed=Spread.of(flights.speed_error[good]),
         peak={name: Spread.of(flights.peak[:, i]) for i, name in enumerate(flights.limits)},
         limits_kept=Fraction.of(~np.any([faults[name] for name in flights.limits], axis=0)),
         footprint_area=ellipse_area(flights.along[good], flights.across[good]),
+        containment=containing_ellipse(*np.where(good, (flights.across, flights.along), np.nan)),
+        classes=None if classes is None else {k.name: f for k, f in counts(classes).items()},
+        means={name: mean_of(values) for name, values in (per_flight or {}).items()},
     )
-
-
-def ellipse_area(along: Array, across: Array) -> float:
-    """Area (m²) of the 95 % covariance ellipse of a footprint."""
-    if len(along) < 3:
-        return float("nan")
-    covariance = np.cov(along, across)
-    return float(np.pi * ELLIPSE * np.sqrt(max(np.linalg.det(covariance), 0.0)))
 
 
 @dataclass(frozen=True)

@@ -14,6 +14,7 @@ from scipy import stats
 from ampi.missions.path_limits import KEPT
 from ampi.onboard.reference import Mode
 from ampi.simulation.closed_loop import FlightStatus
+from ampi.simulation.estimates.spreads import Sizes
 from ampi.simulation.flights import Flights
 from ampi.simulation.statistics import (
     TABLE_5_RADII,
@@ -210,6 +211,24 @@ def test_the_verdict_is_plain_numbers_for_json(make_flights: FlightMaker) -> Non
     assert plain["within"]["3000.0"]["n"] == 50
     assert plain["clipped"]["count"] == int(flights.clipped.sum())
     assert plain["hole"]["count"] == int(flights.hole.sum())
+
+
+def test_the_verdict_counts_lost_flights_as_infinitely_far(make_flights: FlightMaker) -> None:
+    lost = list(range(0, 100, 25))
+    flights = make_flights(100, status=statuses(100, lost))
+    verdict = judge(flights, per_flight={"saturation": np.linspace(0.0, 1.0, 100)})
+    arrived = np.delete(flights.miss, lost)
+    assert verdict.misses == Sizes.of(np.r_[arrived, np.full(4, np.inf)])
+    assert (verdict.misses.lost, verdict.misses.worst_mean.value) == (4, np.inf)
+    assert verdict.misses.median.value > verdict.miss.median
+    assert verdict.containment is not None
+    assert (verdict.containment.holds, verdict.containment.n) == (95, 100)
+    assert verdict.means["saturation"].value == pytest.approx(0.5)
+    assert verdict.classes is None
+    plain = verdict.as_dict()
+    assert plain["misses"]["median"]["value"] == verdict.misses.median.value
+    assert plain["containment"]["semi_axes"] == list(verdict.containment.semi_axes)
+    assert plain["means"]["saturation"]["low"] < 0.5
 
 
 # --- footprints -----------------------------------------------------------------------------------
