@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import tomllib
-from dataclasses import dataclass
-from importlib import resources
 from importlib.resources.abc import Traversable
 from pathlib import Path
 from typing import Any
@@ -16,39 +14,14 @@ from ampi.missions.agreement import disagreements
 from ampi.missions.air_table import with_air_table
 from ampi.missions.mission import Mission
 from ampi.missions.sections import MissionError, MissionSections
+from ampi.missions.source import Shelf
 
-
-@dataclass(frozen=True)
-class _Source:
-    label: str
-    text: str
-    folder: Traversable  # where it says that other files are
+SHELF = Shelf("mission", "ampi.missions")
 
 
 def shipped_missions() -> list[str]:
     """Names of the missions in the package."""
-    folder = resources.files("ampi.missions")
-    return sorted(f.name[:-5] for f in folder.iterdir() if f.name.endswith(".toml"))
-
-
-def _read(name_or_path: str | Path) -> _Source:
-    path, known = Path(name_or_path), shipped_missions()
-    shipped = str(name_or_path) in known and not path.is_file()
-    if not shipped and (path.suffix == ".toml" or path.exists()):
-        if not path.is_file():
-            raise MissionError(f"mission: no file at {path}")
-        try:
-            return _Source(str(path), path.read_text(encoding="utf-8"), path.parent)
-        except UnicodeDecodeError:
-            raise MissionError(f"{path}: not a text file in UTF-8") from None
-    if not shipped:
-        raise MissionError(
-            f"mission: expected one of {', '.join(known)} or the path of a .toml file, "
-            f"got {str(name_or_path)!r}"
-        )
-    folder = resources.files("ampi.missions")
-    file = folder.joinpath(f"{name_or_path}.toml")
-    return _Source(str(name_or_path), file.read_text(encoding="utf-8"), folder)
+    return SHELF.names
 
 
 def parse_mission(text: str, label: str = "mission", folder: Traversable | None = None) -> Mission:
@@ -98,5 +71,9 @@ def load_mission(name_or_path: str | Path) -> Mission:
         If it does not exist or a field is faulty; every faulty field is named with what was
         expected and what came.
     """
-    source = _read(name_or_path)
-    return parse_mission(source.text, source.label, source.folder)
+    try:
+        label, text = SHELF.read(name_or_path)
+        folder = SHELF.find(name_or_path)[1].parent
+    except ValueError as error:
+        raise MissionError(str(error)) from None
+    return parse_mission(text, label, folder)

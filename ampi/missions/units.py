@@ -27,6 +27,7 @@ UNITS: dict[str, dict[str, float]] = {
     "mass": {"kg": 1.0},
     "area": {"m2": 1.0},
     "angular rate": {"rad_per_s": 1.0, "deg_per_s": DEGREE},
+    "acceleration": {"m_per_s2": 1.0},
     "angular acceleration": {"rad_per_s2": 1.0, "deg_per_s2": DEGREE},
     "pressure": {"Pa": 1.0, "kPa": 1e3},
     "heat flux": {"W_per_m2": 1.0, "kW_per_m2": 1e3, "MW_per_m2": 1e6},
@@ -95,6 +96,30 @@ def _convert(key: str, value: Any, factor: float) -> Any:
         raise ValueError(f"{key}: expected a number that fits a float") from None
 
 
+def _wanted(name: str, dimension: str, how: str = "") -> str:
+    """A quantity in words: a length (altitude_m or altitude_km)."""
+    article = "an" if dimension[0] in "aei" else "a"
+    keys = " or ".join(f"{name}_{unit}" for unit in UNITS[dimension])
+    return f"{article} {dimension}{how} ({keys})"
+
+
+def key_given(name: str, dimension: str, data: Mapping[str, Any]) -> str | None:
+    """The key, with its unit, under which `data` has the quantity `name`; None if it has not.
+
+    Raises
+    ------
+    ValueError
+        If it has it without a unit, or under two.
+    """
+    if name in data:
+        wanted = _wanted(name, dimension, " with its unit in the key")
+        raise ValueError(f"{name}: expected {wanted}, got {name} = {data[name]!r}")
+    given = [key for unit in UNITS[dimension] if (key := f"{name}_{unit}") in data]
+    if len(given) > 1:
+        raise ValueError(f"{name}: given more than once, as {' and '.join(given)}")
+    return given[0] if given else None
+
+
 def si_key(dimension: str) -> str:
     """The SI unit of a dimension as it stands in keys: m_per_s, W_per_m2."""
     return next(unit for unit, factor in UNITS[dimension].items() if factor == 1.0)
@@ -156,24 +181,15 @@ class Section(BaseModel):
         for name, info, dimension in _fields(cls):
             if dimension is None:
                 continue
-            units = UNITS[dimension.name]
-            wanted = f"{'an' if dimension.name[0] in 'aei' else 'a'} {dimension.name}"
-            keys = [f"{name}_{unit}" for unit in units]
-            given = [key for key in keys if key in data]
-            if name in data:
-                faults.append(
-                    f"{name}: expected {wanted} with its unit in the key "
-                    f"({' or '.join(keys)}), got {name} = {data[name]!r}"
-                )
-            elif len(given) > 1:
-                faults.append(f"{name}: given more than once, as {' and '.join(given)}")
-            elif given:
-                unit = given[0][len(name) + 1 :]
-                try:
-                    data[name] = _convert(given[0], data.pop(given[0]), units[unit])
-                except ValueError as error:
-                    faults.append(str(error))
-            elif info.is_required():
+            try:
+                key = key_given(name, dimension.name, data)
+                if key is not None:
+                    factor = UNITS[dimension.name][key[len(name) + 1 :]]
+                    data[name] = _convert(key, data.pop(key), factor)
+            except ValueError as error:
+                faults.append(str(error))
+                continue
+            if key is None and info.is_required():
                 others = {o for o in cls.model_fields if o != name and o.startswith(name)}
                 near = [
                     key
@@ -181,7 +197,7 @@ class Section(BaseModel):
                     if key.startswith(f"{name}_") and not any(key.startswith(o) for o in others)
                 ]
                 came = near[0] if near else "nothing"
-                faults.append(f"{name}: expected {wanted} ({' or '.join(keys)}), got {came}")
+                faults.append(f"{name}: expected {_wanted(name, dimension.name)}, got {came}")
         if faults:
             raise ValueError("\n".join(faults))
         return data

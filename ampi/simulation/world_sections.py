@@ -1,0 +1,172 @@
+"""What a world file may say: how the entry is drawn, then a table for each section of the catalogue."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Annotated, Any, Literal
+
+from pydantic import Field, TypeAdapter, field_validator, model_validator
+
+from ampi.missions.units import Number, Section, key_given
+from ampi.simulation.distributions import (
+    KnownKeys,
+    Law,
+    NumericLaw,
+    TableColumn,
+    law_as_written,
+    unknown_name,
+)
+from ampi.simulation.uncertainties import BY_NAME, CATALOGUE, SECTIONS, Uncertainty
+
+WITH_PROFILE = ("density", "wind")  # may name a table over altitude
+Month = Annotated[int, Field(strict=True, ge=1, le=12)]
+AnyLaw = NumericLaw | TableColumn
+LAW: TypeAdapter[NumericLaw] = TypeAdapter(NumericLaw)
+
+
+class EntryDraws(KnownKeys):
+    """How the parameters p of the mission are drawn: offsets over the extent of its grid, Eq. (34).
+
+    `normal` is about the nominal p with 3σ at the farther end of each axis, so on a lopsided axis some
+    draws lie beyond the nearer end; `uniform` fills the box of the grid, `corners` are its vertices.
+    """
+
+    distribution: Literal["normal", "uniform", "corners", "none"]
+    scale: Number = Field(default=1.0, gt=0)  # of the extent
+    offsets: Mapping[str, Law] = {}  # by key of the mission, in its unit, instead of the grid's
+
+    @field_validator("offsets", mode="before")
+    @classmethod
+    def _keys_with_dots(cls, value: Any) -> Any:
+        return dict(_laws_below(value)) if isinstance(value, dict) else value
+
+    def law(self, ends: tuple[float, float]) -> NumericLaw:
+        """Of an axis of the grid from its first to its last offset."""
+        low, high = (self.scale * end for end in ends)
+        law: dict[str, dict[str, Any]] = {
+            "normal": {"distribution": "normal", "three_sigma": max(-low, high)},
+            "uniform": {"distribution": "uniform", "low": low, "high": high},
+            "corners": {"distribution": "discrete", "values": (low, high)},
+            "none": {"distribution": "constant", "value": 0.0},
+        }
+        return LAW.validate_python(law[self.distribution])
+
+    def as_written(self) -> dict[str, Any]:
+        """The table of a world file."""
+        offsets = {key: law_as_written(law) for key, law in self.offsets.items()}
+        written = {**super().as_written(), "offsets": offsets}
+        return {name: value for name, value in written.items() if value != {}}
+
+
+def _laws_below(table: Mapping[str, Any], path: str = "") -> Iterator[tuple[str, Any]]:
+    """Dotted key and law: `target.longitude_deg` quoted or not, TOML allows both."""
+    for key, value in table.items():
+        if isinstance(value, dict) and value and all(isinstance(v, dict) for v in value.values()):
+            yield from _laws_below(value, f"{path}{key}.")
+        else:
+            yield f"{path}{key}", value
+
+
+class DrawsSection(KnownKeys):
+    """A table whose rows are profiles of density and wind, each flight one of them, all alike."""
+
+    table: str
+    months: tuple[Month, ...] | None = Field(default=None, min_length=1)  # only rows of these
+
+
+class CorrelationSection(KnownKeys):
+    """The correlation of each pair of some uncertainties, as if they were normal."""
+
+    of: tuple[str, ...] = Field(min_length=2)
+    value: Number = Field(ge=-1, le=1)
+
+    @field_validator("of")
+    @classmethod
+    def _names_are_of_the_catalogue(cls, value: tuple[str, ...]) -> tuple[str, ...]:
+        unknown = [unknown_name(name, BY_NAME) for name in value if name not in BY_NAME]
+        if len(set(value)) < len(value):
+            unknown.append(f"expected different uncertainties, got {', '.join(value)}")
+        if unknown:
+            raise ValueError("\n".join(unknown))
+        return value
+
+
+class WorldSections(Section):
+    """All that a world file says, each section by itself."""
+
+    name: str = Field(pattern=r"^[a-z0-9_]+$")
+    title: str = Field(pattern=r"^[^\x00-\x1f]*$")  # one line: it is a title in reports
+    entry: EntryDraws
+    profiles: Mapping[str, str] = {}  # section → CSV file over altitude
+    laws: Mapping[str, Mapping[str, Law]] = {}  # section → key with unit → distribution
+    draws: DrawsSection | None = None
+    correlation: tuple[CorrelationSection, ...] = ()
+
+    @model_validator(mode="before")
+    @classmethod
+    def _sections_of_the_catalogue(cls, data: Any) -> Any:
+        if not isinstance(data, dict):
+            return data
+        own = ("name", "title", "entry", "draws", "correlation")
+        faults = [unknown_name(k, (*own, *SECTIONS)) for k in data if k not in (*own, *SECTIONS)]
+        laws: dict[str, dict[str, Any]] = {}
+        profiles: dict[str, Any] = {}
+        for section in SECTIONS:
+            table = data.get(section, {})
+            if not isinstance(table, dict):
+                faults.append(f"{section}: expected a table, got {table!r}")
+                continue
+            given = dict(table)
+            if section in WITH_PROFILE and "table" in given:
+                profiles[section] = given.pop("table")
+            faults += [f"{section}.{fault}" for fault in _faults_of_keys(section, given)]
+            laws[section] = given
+        if faults:
+            raise ValueError("\n".join(faults))
+        kept = {key: value for key, value in data.items() if key in own}
+        return {**kept, "profiles": profiles, "laws": laws}
+
+    def law_of(self, uncertainty: Uncertainty) -> tuple[str, AnyLaw] | None:
+        """Key and distribution of an uncertainty; None if the file does not say."""
+        given = self.laws.get(uncertainty.section, {})
+        return next(((key, given[key]) for key in uncertainty.keys if key in given), None)
+
+    @property
+    def files(self) -> tuple[str, ...]:
+        """The CSV files that it names, each once."""
+        laws = [law for given in self.laws.values() for law in given.values()]
+        laws += list(self.entry.offsets.values())
+        named = [law.file for law in laws if isinstance(law, TableColumn)]
+        named += list(self.profiles.values())
+        named += [] if self.draws is None else [self.draws.table]
+        return tuple(dict.fromkeys(named))
+
+    def as_written(self) -> dict[str, Any]:
+        """The world file."""
+        written = super().as_written()
+        for name in ("laws", "profiles"):
+            written.pop(name, None)
+        for section in SECTIONS:
+            given = self.laws.get(section, {})
+            table: dict[str, Any] = {key: law_as_written(law) for key, law in given.items()}
+            if section in self.profiles:
+                table["table"] = self.profiles[section]
+            if table:
+                written[section] = table
+        return written
+
+
+def _faults_of_keys(section: str, given: Mapping[str, Any]) -> list[str]:
+    """A sentence for each key that no uncertainty of the section has, or that it has twice."""
+    here = [uncertainty for uncertainty in CATALOGUE if uncertainty.section == section]
+    faults, bare = [], {u.key for u in here if u.dimension is not None}
+    for uncertainty in here:
+        if uncertainty.dimension is not None:
+            try:
+                key_given(uncertainty.key, uncertainty.dimension, given)
+            except ValueError as error:
+                faults.append(str(error))
+    known = [key for uncertainty in here for key in uncertainty.keys]
+    known += ["table"] * (section in WITH_PROFILE)
+    faults += [unknown_name(key, known) for key in given if key not in {*known, *bare}]
+    return faults
