@@ -280,11 +280,11 @@ def _number_or_table(value: Any) -> Any:
         return value
     if not isinstance(value, Mapping) or "distribution" not in value:
         raise ValueError(
-            f'expected a number, or a table with distribution = "normal", "truncated", "uniform", '
-            f'"discrete" or "table", got {value!r}'
+            'expected a number, or a table with distribution = "normal", "truncated", "uniform", '
+            '"discrete" or "table"'
         )
     name = value["distribution"]
-    if name not in LAWS:
+    if not isinstance(name, str) or name not in LAWS:
         raise ValueError(f"distribution: {unknown_name(str(name), LAWS)}")
     return value
 

@@ -181,7 +181,9 @@ def _offsets_by_name(
                 "an uncertainty that the mission does not know"
             )
         if number.name in found:
-            raise ValueError(f"entry.offsets.{key}: {number.name} is given already")
+            raise ValueError(
+                f"entry.offsets.{key}: {number.name} is given already; remove one of them"
+            )
         found[number.name] = number, law
     return found
 

@@ -59,4 +59,4 @@ def on_altitudes(knots: Array, values: Array) -> Array:
     """`values` (…, knots) linearly between their altitudes, constant beyond them: (…, k)."""
     left = np.clip(np.searchsorted(knots, ALTITUDES, side="right") - 1, 0, len(knots) - 2)
     share = np.clip((ALTITUDES - knots[left]) / (knots[left + 1] - knots[left]), 0.0, 1.0)
-    return np.asarray((1.0 - share) * values[..., left] + share * values[..., left + 1])
+    return np.asarray(values[..., left] + share * (values[..., left + 1] - values[..., left]))

@@ -56,14 +56,14 @@ class World:
     tables: Mapping[str, CsvTable]  # as read, by the name in the world file
 
     def __post_init__(self) -> None:
-        faults = []
+        faults = dict[
+            str, None
+        ]()  # each once: the copula asks the catalogue, and all ask the tables
         for part in ("_kept_tables", "_catalogue", "_air", "_copula"):
             try:
                 getattr(self, part)
             except ValueError as error:
-                faults.append(str(error))
-                if part == "_kept_tables":
-                    break
+                faults[str(error)] = None
         if faults:
             raise WorldError("\n".join(faults))
 

@@ -75,9 +75,13 @@ def _faulty(label: str, lines: list[str]) -> WorldError:
 
 
 def _as_in_file(fault: ErrorDetails) -> ErrorDetails:
-    """A fault at its place in the file: the sections are not below `laws`, laws have no kind there."""
-    place = tuple(part for part in fault["loc"] if part not in ("laws", "profiles", *LAWS))
-    return {**fault, "loc": place}
+    """A fault at its place in the file, where a law has no kind and a constant is a number."""
+    place = fault["loc"]
+    if place[:1] == ("profiles",):
+        return {**fault, "loc": (*place[1:], "table")}
+    if "constant" in place:
+        place = place[: place.index("constant")]
+    return {**fault, "loc": tuple(part for part in place if part not in ("laws", *LAWS))}
 
 
 def _read_table(file: str, folder: Path | None) -> CsvTable:

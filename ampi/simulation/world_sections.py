@@ -71,7 +71,14 @@ class DrawsSection(KnownKeys):
     """A table whose rows are profiles of density and wind, each flight one of them, all alike."""
 
     table: str
-    months: tuple[Month, ...] | None = Field(default=None, min_length=1)  # only rows of these
+    months: tuple[Month, ...] | None = None  # only rows of these
+
+    @field_validator("months")
+    @classmethod
+    def _some_months(cls, value: tuple[int, ...] | None) -> tuple[int, ...] | None:
+        if value == ():
+            raise ValueError("expected one or more months, 1 to 12")
+        return value
 
 
 class CorrelationSection(KnownKeys):
