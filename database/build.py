@@ -2,7 +2,7 @@
 
     plan        which cases, each from which neighbours         (grid, continuation, plan)
     solve       portions of cases once their neighbours are kept, and alone what those leave
-                                                                (attempts, jobs, schedule, engines)
+                                                                (attempts, jobs, schedule)
     again       what is not solved, from whatever is solved nearby  (second_pass)
     assemble    each block once its cases are kept              (blocks)
     merge       the blocks into one file, in index order        (writer)
@@ -21,10 +21,11 @@ from ampi.missions.mission import Mission
 from ampi.scp.condensed.settings import SolverSettings
 from ampi.scp.solve import solve
 from ampi.tracker_design.riccati_gains import GainSettings
+from ampi.workers.engines import Engine, engine_for
 from ampi.workers.supervisor import require_workers
 from database.build_report import BuildReport
 from database.building import BuildRun, KnownOptimum, already_whole
-from database.factory.engines import ClusterEngine, Engine, LocalEngine
+from database.factory.jobs import MODULE
 from database.records.campaign import TIME_LIMIT, BuildError, Solver
 from database.records.lock import exclusive
 from database.records.record_files import no_parts
@@ -102,4 +103,4 @@ def _in_a_folder(path: Path) -> Path:
 
 def _engine(n_jobs: int, client: Any) -> AbstractContextManager[Engine]:
     """Its workers import what they need while this process plans."""
-    return closing(LocalEngine(n_jobs) if client is None else ClusterEngine(client))
+    return closing(engine_for(MODULE, n_jobs, client))

@@ -20,9 +20,9 @@ from ampi.dataset import (
 from ampi.propagation.reintegration import flown_again
 from ampi.scp.problem.shortfall import outcome_sentence
 from ampi.trajectory import Status, Trajectory
+from ampi.workers.engines import Engine
 from database.build_report import BuildReport, Tally
 from database.factory.claim import claim, differences, fingerprint_of
-from database.factory.engines import Engine
 from database.factory.jobs import AssembleBlock
 from database.factory.schedule import Task, run_jobs
 from database.factory.second_pass import second_pass

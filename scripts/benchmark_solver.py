@@ -27,8 +27,8 @@ from ampi.missions.path_limits import PathLimits
 from ampi.propagation.reintegration import flight_checks
 from ampi.scp.solve import optimum
 from ampi.trajectory import Trajectory
-from database.factory.engines import LocalEngine, Tell
-from database.factory.jobs import AssembleBlock, Job, SolveCase
+from ampi.workers.engines import LocalEngine, Tell
+from database.factory.jobs import MODULE, AssembleBlock, Job, Kept, SolveCase
 from database.factory.schedule import run_jobs
 from database.factory.tasks import planned_tasks
 from database.records.campaign import Campaign
@@ -82,11 +82,13 @@ class _Counting:
     alone: int = 0
     room: int = field(init=False)
     width: int = field(init=False)
+    workers: int = field(init=False)
 
     def __post_init__(self) -> None:
-        self.room, self.width = self.engine.room, self.engine.width
+        engine = self.engine
+        self.room, self.width, self.workers = engine.room, engine.width, engine.workers
 
-    def submit(self, job: Job, tell: Tell) -> None:
+    def submit(self, job: Job, tell: Tell[Kept]) -> None:
         """Run a job when a worker is free."""
         self.alone += isinstance(job, SolveCase)
         self.engine.submit(job, tell)
@@ -105,7 +107,7 @@ def family(name: str) -> dict[str, Any]:
     mission = ampi.load_mission(name)
     with tempfile.TemporaryDirectory() as folder:
         campaign = Campaign(mission.toml, Path(folder))
-        engine = _Counting(LocalEngine(JOBS))
+        engine = _Counting(LocalEngine(MODULE, JOBS))
         files = nowhere(campaign.grid.size)
         tasks = planned_tasks(campaign, files, engine.width)
         solving = (task for task in tasks if not isinstance(task.job, AssembleBlock))

@@ -31,8 +31,8 @@ from ampi.physics.equations_of_motion import equations_of_motion
 from ampi.physics.path_constraints import path_constraints
 from ampi.pseudospectral.lagrange import barycentric_weights, interpolation_matrix
 from ampi.trajectory import Trajectory
-from database.factory.engines import LocalEngine
-from database.factory.jobs import AssembleBlock, SolvePortion
+from ampi.workers.engines import LocalEngine
+from database.factory.jobs import MODULE, AssembleBlock, SolvePortion
 from database.factory.schedule import run_jobs
 from database.factory.tasks import planned_tasks
 from database.plan.continuation import layers
@@ -216,7 +216,7 @@ def ours(mission: Mission, n_jobs: int) -> dict[str, Any]:
     with tempfile.TemporaryDirectory() as folder:
         campaign = Campaign(mission.toml, Path(folder))
         began = time.perf_counter()
-        engine = LocalEngine(n_jobs)
+        engine = LocalEngine(MODULE, n_jobs)
         files = nowhere(campaign.grid.size)
         tasks = planned_tasks(campaign, files, engine.width)
         solving = (task for task in tasks if not isinstance(task.job, AssembleBlock))

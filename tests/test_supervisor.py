@@ -10,7 +10,7 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future
-from contextlib import suppress
+from contextlib import closing, suppress
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -18,8 +18,9 @@ import numpy as np
 import pytest
 
 from ampi.missions.loading import load_mission
+from ampi.workers.engines import AHEAD
+from ampi.workers.in_order import in_workers
 from ampi.workers.job import JobError, finished
-from ampi.workers.supervisor import in_workers
 from tests.support.missions import text_on_grid
 
 pytestmark = pytest.mark.slow
@@ -84,6 +85,23 @@ def test_results_come_in_order_whoever_dies(counted: type[Counted], tmp_path: Pa
     assert [number for number, _ in found] == list(range(6))
     assert os.getpid() not in {process for _, process in found}
     assert len(list(tmp_path.glob("1 *"))) == 3
+
+
+def test_what_takes_the_results_decides_the_pace(counted: type[Counted], tmp_path: Path) -> None:
+    """Jobs are asked for as results are taken: neither they nor results pile up."""
+    asked: list[int] = []
+
+    def coming() -> Iterator[Counted]:
+        for k in range(40):
+            asked.append(k)
+            yield counted(k, tmp_path)
+
+    with closing(in_workers("test_supervisor", coming(), 2)) as found:
+        for taken, (number, _) in enumerate(found):
+            assert number == taken
+            assert len(asked) <= taken + 2 * AHEAD
+            time.sleep(0.01)  # they could be finished by now
+    assert asked == list(range(40))
 
 
 def test_a_job_that_always_kills_its_worker_is_one_sentence(

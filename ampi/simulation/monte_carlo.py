@@ -24,8 +24,9 @@ from ampi.physics.state import ALTITUDE, AZIMUTH, LATITUDE, LONGITUDE, SPEED
 from ampi.simulation.closed_loop import FlightBatch, fly_batch
 from ampi.simulation.dispersions import Dispersions
 from ampi.simulation.flights import Flights
+from ampi.workers.in_order import in_workers
 from ampi.workers.job import JobError, finished
-from ampi.workers.supervisor import in_workers, require_workers
+from ampi.workers.supervisor import require_workers
 
 Array = NDArray[np.float64]
 

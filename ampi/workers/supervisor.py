@@ -30,15 +30,12 @@ import signal
 import subprocess
 import sys
 import threading
-from collections.abc import Callable, Generator, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Callable
 from contextlib import suppress
 from functools import partial
 from itertools import count
 from pathlib import Path
 from typing import Any, TypeVar
-
-from threadpoolctl import threadpool_limits
 
 from ampi.workers import fork_server
 from ampi.workers.fork_server import ForkedProcess, ForkServer
@@ -362,34 +359,3 @@ def require_workers(n_jobs: int) -> None:
         count = 0
     if count < 1:
         raise ValueError(f"n_jobs: expected at least 1 worker process, got {n_jobs!r}")
-
-
-def in_workers(
-    module: str, jobs: Sequence[Job[Result]], n_jobs: int
-) -> Generator[Result, None, None]:
-    """The results of `jobs` in their order; `module` is what they need.
-
-    One worker would have to be waited for, and this process is there: it runs the jobs itself.
-
-    Raises
-    ------
-    JobError, OSError
-        If a job has no result; the workers end, as whenever the iterator is closed.
-    """
-    require_workers(n_jobs)
-    most = min(n_jobs, len(jobs))
-    if most <= 1:
-        for job in jobs:
-            with threadpool_limits(limits=1):  # as in a worker, or the last bits would differ
-                result = job.compute(lambda attempt: None).result()
-            yield result
-        return
-    supervisor = Supervisor(module, most)
-    threads = ThreadPoolExecutor(2 * most)  # a job is on its way while another one is computed
-    try:
-        for future in [threads.submit(supervisor.run, job) for job in jobs]:
-            yield future.result()
-    finally:
-        threads.shutdown(wait=False, cancel_futures=True)
-        supervisor.close()
-        threads.shutdown()

@@ -38,8 +38,9 @@ from ampi.propagation.reintegration import reintegrate_many
 from ampi.scp.solve import optimum
 from ampi.simulation.dispersions import require_seed
 from ampi.trajectory import Status, Trajectory
+from ampi.workers.in_order import in_workers
 from ampi.workers.job import JobError, finished
-from ampi.workers.supervisor import in_workers, require_workers
+from ampi.workers.supervisor import require_workers
 from database.audit.branches import Branches, branches
 from database.audit.coherence import ROWS, THRESHOLD, Coherence, coherence, on_turn_of_rows
 from database.audit.error_map import CellError, error_map

@@ -32,8 +32,8 @@ from ampi.dataset import TrajectoryDataset
 from ampi.missions.mission import Mission
 from ampi.scp.solve import optimum
 from ampi.trajectory import Trajectory
+from ampi.workers.in_order import in_workers
 from ampi.workers.job import JobError, finished
-from ampi.workers.supervisor import in_workers
 from database.audit.branches import halfway
 from database.audit.coherence import ROWS, chord_misses, family_rows, on_turn_of_rows
 from database.plan.grid import Grid

@@ -51,6 +51,7 @@ from database.records.case_record import CaseRecord
 from database.records.reader import RecordReader
 from database.records.record_files import block_path, keeping_block, record_path
 
+MODULE = __name__  # what workers import
 Kept = tuple[tuple[int, ...], ...]  # what a job has kept of the first pass: the cases of each file
 FLUSH_AFTER = 1.0  # s that a record waits for others of its portion, at most
 Start = tuple[int, Attempt, Trajectory]  # a case, and where it begins

@@ -17,12 +17,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from ampi.workers.engines import Engine, next_told
 from ampi.workers.job import JobError
-from database.factory.engines import Engine
 from database.factory.jobs import Job, Kept
 from database.records.record_files import NOT_KEPT, Files
 
-LOOK = 5.0  # s
 FORESIGHT = 4  # tasks looked at, over the jobs that may be under way; what waits is no work
 LEAST_FORESIGHT = 64
 
@@ -74,7 +73,7 @@ def run_jobs(
         submit_ready()
         if under_way == 0:
             return
-        place, job, found = _next(told, engine)
+        place, job, found = next_told(told, engine)
         under_way -= 1
         if isinstance(found, BaseException):
             raise found
@@ -141,14 +140,3 @@ class _Agenda:
                 for waiting in self._waiting.pop(case, ()):
                     self._waits -= 1
                     self._place(*waiting)
-
-
-def _next(
-    told: queue.SimpleQueue[tuple[int, Job, Kept | BaseException]], engine: Engine
-) -> tuple[int, Job, Kept | BaseException]:
-    """What is told next; while nothing is, the engine looks whether anything can be."""
-    while True:
-        try:
-            return told.get(timeout=LOOK)
-        except queue.Empty:
-            engine.look()

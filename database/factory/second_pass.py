@@ -22,8 +22,8 @@ import numpy as np
 
 from ampi.scp.problem.shortfall import outcome_sentence
 from ampi.trajectory import Trajectory
+from ampi.workers.engines import Engine
 from database.factory.attempts import Attempt, follow, path_to
-from database.factory.engines import Engine
 from database.factory.jobs import Job, Kept, keeper
 from database.factory.schedule import Task, run_jobs
 from database.plan.grid import Grid

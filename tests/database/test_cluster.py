@@ -18,10 +18,10 @@ from ampi.dataset import partial_folder
 from ampi.missions.loading import parse_mission
 from ampi.missions.mission import Mission
 from ampi.trajectory import Status
+from ampi.workers.engines import ClusterEngine
 from ampi.workers.job import JobError
 from ampi.workers.software import software
-from database.factory.engines import ClusterEngine
-from database.factory.jobs import Job, Kept, SolveCase
+from database.factory.jobs import MODULE, Job, Kept, SolveCase
 from database.plan.continuation import layers
 from database.plan.grid import Grid
 from database.records.campaign import BuildError, Campaign
@@ -84,11 +84,11 @@ def test_the_command_line_finds_a_scheduler(
 def test_workers_without_the_folder_are_found_out(
     small_mission: Mission, tmp_path: Path, client: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def elsewhere(job: Job, expected: object) -> Kept:
+    def elsewhere(module: str, job: Job, expected: object) -> Kept:
         """A worker whose folder of this name is another one."""
         return (job.cases,)
 
-    monkeypatch.setattr("database.factory.engines.run_supervised", elsewhere)
+    monkeypatch.setattr("ampi.workers.engines.run_supervised", elsewhere)
     with pytest.raises(BuildError, match=r"case 4: its result is not in .*on a shared file system"):
         database.build(small_mission, tmp_path / "a.h5", client=client)
 
@@ -98,7 +98,7 @@ def test_a_worker_with_other_software_is_named(
 ) -> None:
     """The file names one version of each package, and every number in it is of that one."""
     versions = {**software(), "casadi_version": "2.0"}
-    monkeypatch.setattr("database.factory.engines.software", lambda: versions)
+    monkeypatch.setattr("ampi.workers.engines.software", lambda: versions)
     with pytest.raises(
         BuildError, match=r"a worker of the cluster has casadi_version .*process 2\.0"
     ):
@@ -110,7 +110,7 @@ def test_a_case_that_costs_every_worker_is_a_record(
 ) -> None:
     case = layers(Grid.from_mission(small_mission))[1][0].case
     job = SolveCase(Campaign(small_mission.toml, tmp_path), case)
-    engine = ClusterEngine(client)
+    engine = ClusterEngine(MODULE, client)
     lost = distributed.scheduler.KilledWorker("case", "tcp://here", 3)
     assert engine.outcome(job, lost) == ((case,),)
     record = RecordReader(job.campaign, {}).record(case)
@@ -126,8 +126,8 @@ def test_a_case_that_costs_every_worker_is_a_record(
 def test_a_cluster_without_workers_does_not_keep_a_build_waiting(
     small_mission: Mission, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("database.factory.engines.LONELY", 0.2)
-    monkeypatch.setattr("database.factory.schedule.LOOK", 0.1)
+    monkeypatch.setattr("ampi.workers.engines.LONELY", 0.2)
+    monkeypatch.setattr("ampi.workers.engines.LOOK", 0.1)
     nobody = distributed.LocalCluster(n_workers=0, processes=True, dashboard_address=":0")
     with (
         nobody as cluster,
@@ -140,8 +140,10 @@ def test_a_cluster_without_workers_does_not_keep_a_build_waiting(
 def test_a_worker_that_cannot_import_the_package_is_named(
     small_mission: Mission, tmp_path: Path, client: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    elsewhere = "__import__('importlib.util').util.find_spec('database_elsewhere') is not None"
-    monkeypatch.setattr("database.factory.engines.IMPORTABLE", elsewhere)
+    elsewhere = (
+        "__import__('importlib.util').util.find_spec({package!r} + '_elsewhere') is not None"
+    )
+    monkeypatch.setattr("ampi.workers.engines.IMPORTABLE", elsewhere)
     with pytest.raises(BuildError, match=r"the worker tcp.* cannot import ampi; install it there"):
         database.build(small_mission, tmp_path / "a.h5", client=client)
 

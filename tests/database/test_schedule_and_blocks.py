@@ -15,8 +15,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from ampi.workers.engines import Tell
 from ampi.workers.job import JobError
-from database.factory.engines import Tell
 from database.factory.jobs import Job, Kept
 from database.factory.schedule import LEAST_FORESIGHT, Task, run_jobs
 from database.file.blocks import BLOCK_CASES, blocks, blocks_at

@@ -8,27 +8,30 @@ its dask backend then waits for ever.
 
 from __future__ import annotations
 
+import queue
 import time
 from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
-from functools import lru_cache
-from typing import Any, Protocol
+from functools import cache
+from typing import Any, Protocol, TypeVar
 
-from ampi.workers.job import JobError
+from ampi.workers.job import Job, JobError
 from ampi.workers.software import require_same, software
 from ampi.workers.supervisor import Supervisor
-from database.factory.jobs import Job, Kept
+
+Result = TypeVar("Result")
+Message = TypeVar("Message")
+Tell = Callable[[Result | BaseException], None]
 
 RETRIES = 3  # of a job that raises on a cluster: a folder may be out of reach for a moment
 LONELY = 120.0  # s without any worker
-IMPORTABLE = "__import__('importlib.util').util.find_spec('database') is not None"
-JOBS = "database.factory.jobs"  # what workers import
-Tell = Callable[[Kept | BaseException], None]
+LOOK = 5.0  # s without a result, after which an engine looks whether there can be one
+IMPORTABLE = "__import__('importlib.util').util.find_spec({package!r}) is not None"
 AHEAD = 3  # jobs under way per worker: one is computed, one flushed, one on its way
 
 
 class Engine(Protocol):
-    """Runs jobs; `tell` is called from any thread with what the job has kept, or what it raised."""
+    """Runs jobs; `tell` is called from any thread with a job's result, or what it raised."""
 
     @property
     def room(self) -> int:
@@ -38,7 +41,11 @@ class Engine(Protocol):
     def width(self) -> int:
         """Into how many portions a layer is best cut, if it is to be cut into few."""
 
-    def submit(self, job: Job, tell: Tell) -> None:
+    @property
+    def workers(self) -> int:
+        """How many jobs are computed at once, as far as is known now; one at least."""
+
+    def submit(self, job: Job[Result], tell: Tell[Result]) -> None:
         """Run a job some time."""
 
     def look(self) -> None:
@@ -49,16 +56,16 @@ class Engine(Protocol):
 
 
 class LocalEngine:
-    """`n_jobs` worker processes; a thread watches each job."""
+    """`n_jobs` worker processes that import `module`; a thread watches each job."""
 
-    def __init__(self, n_jobs: int) -> None:
-        self._supervisor = Supervisor(JOBS, most=n_jobs)
-        self.room, self.width = AHEAD * n_jobs, 2 * n_jobs
+    def __init__(self, module: str, n_jobs: int) -> None:
+        self._supervisor = Supervisor(module, most=n_jobs)
+        self.room, self.width, self.workers = AHEAD * n_jobs, 2 * n_jobs, n_jobs
         self._threads = ThreadPoolExecutor(self.room)
-        for _ in range(n_jobs):  # their imports take longer than the first cases
+        for _ in range(n_jobs):  # their imports take longer than the first jobs
             self._threads.submit(self._supervisor.start_worker)
 
-    def submit(self, job: Job, tell: Tell) -> None:
+    def submit(self, job: Job[Result], tell: Tell[Result]) -> None:
         """Run a job when a worker is free."""
         future = self._threads.submit(self._supervisor.run, job)
         future.add_done_callback(
@@ -76,23 +83,33 @@ class LocalEngine:
 
 
 class ClusterEngine:
-    """The workers of a dask.distributed client; they must see the folder of the build."""
+    """The workers of a dask.distributed client, for jobs that need `module`.
+
+    They must see the folders that its jobs name.
+    """
 
     room = width = 1000  # the scheduler has its own queues: enough for any workers, and bounded
 
-    def __init__(self, client: Any) -> None:
+    def __init__(self, module: str, client: Any) -> None:
         from distributed.scheduler import KilledWorker
 
-        self._client, self._killed = client, KilledWorker
+        self._module, self._client, self._killed = module, client, KilledWorker
         self._futures: set[Any] = set()
         self._seen = time.monotonic()
-        for worker, importable in client.run(eval, IMPORTABLE).items():
+        package = module.partition(".")[0]
+        for worker, importable in client.run(eval, IMPORTABLE.format(package=package)).items():
             if not importable:
                 raise JobError(f"the worker {worker} cannot import ampi; install it there")
 
-    def submit(self, job: Job, tell: Tell) -> None:
+    @property
+    def workers(self) -> int:
+        """The threads of all workers: they come and go."""
+        return max(1, sum(self._client.nthreads().values()))
+
+    def submit(self, job: Job[Result], tell: Tell[Result]) -> None:
         """Run a job on some worker, and again elsewhere if that worker is lost."""
-        future = self._client.submit(run_supervised, job, software(), pure=False, retries=RETRIES)
+        arguments = (self._module, job, software())
+        future = self._client.submit(run_supervised, *arguments, pure=False, retries=RETRIES)
         self._futures.add(future)
 
         def done(finished: Any) -> None:
@@ -100,14 +117,15 @@ class ClusterEngine:
             if finished.status == "finished":
                 tell(finished.result())
             elif finished.status == "error":
-                tell(self.outcome(job, finished.exception()))
+                outcome = self.outcome(job, finished.exception())
+                tell(outcome)
             else:
                 tell(JobError(f"the cluster has dropped a job ({finished.status})"))
 
         future.add_done_callback(done)
 
-    def outcome(self, job: Job, error: BaseException) -> Kept | BaseException:
-        """A job whose workers were lost time and again is a record, as on one machine."""
+    def outcome(self, job: Job[Result], error: BaseException) -> Result | BaseException:
+        """A job whose workers were lost time and again gives up, as on one machine."""
         if isinstance(error, OSError | JobError):
             return error
         if not isinstance(error, self._killed):
@@ -135,12 +153,32 @@ class ClusterEngine:
         self._client.cancel(list(self._futures))
 
 
-@lru_cache(maxsize=1)
-def _here() -> Supervisor:
-    return Supervisor(JOBS)
+def engine_for(module: str, n_jobs: int, client: Any = None) -> LocalEngine | ClusterEngine:
+    """`n_jobs` processes of this machine, or a `distributed.Client`'s workers, for jobs of `module`.
+
+    Raises
+    ------
+    JobError
+        If a worker of the cluster cannot import the module's package.
+    """
+    return LocalEngine(module, n_jobs) if client is None else ClusterEngine(module, client)
 
 
-def run_supervised(job: Job, expected: Mapping[str, str]) -> Kept:
+def next_told(told: queue.SimpleQueue[Message], engine: Engine) -> Message:
+    """What is told next; while nothing is, the engine looks whether anything can be."""
+    while True:
+        try:
+            return told.get(timeout=LOOK)
+        except queue.Empty:
+            engine.look()
+
+
+@cache
+def _supervisor(module: str) -> Supervisor:
+    return Supervisor(module)
+
+
+def run_supervised(module: str, job: Job[Result], expected: Mapping[str, str]) -> Result:
     """A job in a process of its own on a cluster's worker, which it cannot bring down.
 
     Raises
@@ -149,4 +187,4 @@ def run_supervised(job: Job, expected: Mapping[str, str]) -> Kept:
         If the worker has other software than the file will name.
     """
     require_same(software(), "a worker of the cluster", expected)
-    return _here().run(job)
+    return _supervisor(module).run(job)
