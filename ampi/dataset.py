@@ -22,18 +22,18 @@ in its user block: a flipped bit anywhere is found on loading.
 from __future__ import annotations
 
 import hashlib
-import os
 import zlib
 from collections.abc import Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
-from typing import IO, Any
+from typing import Any
 
 import h5py
 import numpy as np
 from numpy.typing import NDArray
 
+from ampi.hdf5.seal import Seal, opened
 from ampi.missions.loading import parse_mission
 from ampi.missions.mission import Mission
 from ampi.missions.sections import MissionError
@@ -46,7 +46,8 @@ Array = NDArray[np.float64]
 # time_limit; 2: and without target_multipliers; 1: and with six parameter axes always
 SCHEMA_VERSION = 6
 DIGEST = "content_sha256"
-SEAL_BYTES = 512  # the smallest HDF5 user block; readers skip it
+_SEAL = Seal("ampi trajectory database")
+seal, seal_holds = _SEAL.write, _SEAL.holds
 
 
 class DatasetError(ValueError):
@@ -185,15 +186,6 @@ def read_dataset(path: str | Path) -> TrajectoryDataset:
         ) from None
 
 
-def opened(path: Path) -> h5py.File:
-    """A database file for reading, without HDF5's lock.
-
-    Some file systems have no locks, and a reader needs none: what another program writes meanwhile
-    breaks the seal.
-    """
-    return h5py.File(path, "r", locking=False)
-
-
 def refuse_while_written(path: Path) -> None:
     """Raise DatasetError if another program has the file open for writing: it need not be damaged.
 
@@ -221,37 +213,9 @@ def stored_mission(path: Path) -> str | None:
         return None
 
 
-SEAL = f"ampi trajectory database\nsha256 of what follows byte {SEAL_BYTES}: ".encode()
-
-
-def _seal_of(handle: IO[bytes]) -> bytes:
-    """User block in front of the HDF5 content: its SHA-256, so that any flipped byte is found."""
-    handle.seek(SEAL_BYTES)
-    found = hashlib.file_digest(handle, "sha256").hexdigest()  # type: ignore[arg-type]
-    return (SEAL + found.encode() + b"\n").ljust(SEAL_BYTES, b"\n")
-
-
-def seal(path: Path) -> None:
-    """Write the seal of a finished file, and flush it to disk."""
-    with path.open("rb+") as handle:
-        found = _seal_of(handle)
-        handle.seek(0)
-        handle.write(found)
-        handle.flush()
-        os.fsync(handle.fileno())
-
-
-def seal_holds(path: Path) -> bool:
-    """Whether the file is, to the byte, what was written."""
-    with path.open("rb") as handle:
-        return handle.read(SEAL_BYTES) == _seal_of(handle)
-
-
 def _refuse_broken_seal(path: Path) -> None:
     """Before HDF5 sees the file: its library may crash on a damaged one."""
-    with path.open("rb") as handle:
-        sealed = handle.read(len(SEAL)) == SEAL
-    if sealed and not seal_holds(path):
+    if _SEAL.is_on(path) and not seal_holds(path):
         refuse_while_written(path)
         raise DatasetError(
             f"{path}: the file does not match its checksum, it is damaged; rebuild it "

@@ -22,13 +22,13 @@ from ampi.scp.condensed.settings import SolverSettings
 from ampi.scp.solve import solve
 from ampi.tracker_design.riccati_gains import GainSettings
 from ampi.workers.engines import Engine, engine_for
+from ampi.workers.keeping import no_parts
+from ampi.workers.lock import exclusive
 from ampi.workers.supervisor import require_workers
 from database.build_report import BuildReport
 from database.building import BuildRun, KnownOptimum, already_whole
 from database.factory.jobs import MODULE
 from database.records.campaign import TIME_LIMIT, BuildError, Solver
-from database.records.lock import exclusive
-from database.records.record_files import no_parts
 from database.refusals import checked
 from database.stopped import told
 

@@ -13,16 +13,17 @@ import numpy as np
 
 from ampi.dataset import (
     TrajectoryDataset,
-    opened,
     refuse_while_written,
     seal_holds,
 )
+from ampi.hdf5.seal import opened
 from ampi.propagation.reintegration import flown_again
 from ampi.scp.problem.shortfall import outcome_sentence
 from ampi.trajectory import Status, Trajectory
 from ampi.workers.engines import Engine
+from ampi.workers.fingerprint import differences, label_of
 from database.build_report import BuildReport, Tally
-from database.factory.claim import claim, differences, fingerprint_of
+from database.factory.claim import claim, fingerprint_of
 from database.factory.jobs import AssembleBlock
 from database.factory.schedule import Task, run_jobs
 from database.factory.second_pass import second_pass
@@ -33,7 +34,6 @@ from database.file.provenance import provenance
 from database.file.writer import write_database
 from database.records.campaign import BuildError, Campaign
 from database.records.case_record import CaseRecord
-from database.records.fingerprint import label_of
 from database.records.reader import RecordReader, lost
 from database.records.record_files import (
     NOT_KEPT,

@@ -20,14 +20,14 @@ from ampi.propagation.reintegration import flown_again
 from ampi.scp.problem.shortfall import outcome_sentence
 from ampi.scp.solve import solve
 from ampi.trajectory import Trajectory
+from ampi.workers.fingerprint import label_of, read_fingerprint
 from database.factory.attempts import Attempt, attempts, follow, is_vain, no_trajectory, path_to
 from database.factory.second_pass import nearby
 from database.plan.continuation import planned
 from database.plan.grid import Grid
 from database.plan.prediction import predicted
 from database.records.campaign import Campaign, Solver, require_solver, settings_of
-from database.records.fingerprint import label_of, read_fingerprint
-from database.records.record_files import FINGERPRINTS, load_records, recorded_cases
+from database.records.record_files import FINGERPRINTS, fingerprints, load_records, recorded_cases
 
 PATIENCE = 86400.0  # s for one solve: a person is watching, and can stop it
 
@@ -163,7 +163,7 @@ def _open(path: Path) -> tuple[str, Mapping[str, str], Stored]:
         raise DatasetError(
             f"{folder}: expected the records of a build, got a folder without mission.toml"
         ) from None
-    fingerprint = read_fingerprint(folder)
+    fingerprint = read_fingerprint(fingerprints(folder))
     if fingerprint is None:
         raise DatasetError(f"{folder}: neither {' nor '.join(FINGERPRINTS)} can be read")
     mission, label = parse_mission(toml), label_of(fingerprint)

@@ -1,1 +1,1 @@
-"""Jobs in processes of their own."""
+"""Jobs in processes of their own, and what they keep on disk before a file is whole."""

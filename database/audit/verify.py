@@ -33,11 +33,11 @@ from ampi.dataset import (
     axis_faults,
     content_digest,
     is_this_schema,
-    opened,
     partial_folder,
     refuse_while_written,
     seal_holds,
 )
+from ampi.hdf5.seal import opened
 from ampi.missions.loading import parse_mission
 from ampi.trajectory import Status
 

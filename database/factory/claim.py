@@ -13,12 +13,11 @@ from pathlib import Path
 import numpy as np
 
 from ampi.trajectory import Trajectory
+from ampi.workers.fingerprint import differences, read_fingerprint, write_fingerprint
+from ampi.workers.keeping import keeping
 from database.file.provenance import made_by
 from database.records.campaign import BuildError, Campaign
-from database.records.fingerprint import read_fingerprint, write_fingerprint
-from database.records.record_files import FINGERPRINTS, count_records, discard_records
-
-READABLE = 50  # characters of a setting, to be shown
+from database.records.record_files import FINGERPRINTS, count_records, discard_records, fingerprints
 
 
 def fingerprint_of(campaign: Campaign, known: Mapping[int, Trajectory]) -> dict[str, str]:
@@ -36,13 +35,14 @@ def claim(folder: Path, fingerprint: dict[str, str], toml: str, *, resume: bool)
 
     What is returned is the fingerprint of the first run: the same sources may have another revision.
     """
-    found = read_fingerprint(folder) if resume else None
+    found = read_fingerprint(fingerprints(folder)) if resume else None
     if resume:
         _refuse_other_build(folder, found, fingerprint)
     if found is None:
         discard_records(folder)
         found = fingerprint
-    write_fingerprint(folder, found, toml)
+    keeping({str(folder / "mission.toml"): toml.encode()})()
+    write_fingerprint(fingerprints(folder), found)
     return found
 
 
@@ -63,15 +63,6 @@ def _refuse_other_build(
             "finish that build as it was begun, choose another path, or delete the folder to start "
             "afresh"
         )
-
-
-def differences(found: Mapping[str, str], expected: Mapping[str, str]) -> list[str]:
-    """What differs, with the values where they can be read; the same sources may have two revisions."""
-    return [
-        f"{key} ({found.get(key)} there, {value} here)" if len(value) < READABLE else key
-        for key, value in expected.items()
-        if found.get(key) != value and key != "git_revision"
-    ]
 
 
 def _digest(known: Mapping[int, Trajectory]) -> str:

@@ -20,9 +20,8 @@ from __future__ import annotations
 import time
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from concurrent.futures import Future, ThreadPoolExecutor
+from concurrent.futures import Future
 from dataclasses import dataclass, field, replace
-from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
@@ -31,6 +30,7 @@ from ampi.scp.problem.shortfall import outcome_sentence
 from ampi.scp.solve import solve_family
 from ampi.trajectory import Status, Trajectory
 from ampi.workers.job import JobError, finished
+from ampi.workers.keeping import keeper
 from database.factory.attempts import (
     Attempt,
     attempts,
@@ -220,12 +220,6 @@ def _flushed(campaign: Campaign, records: Iterable[CaseRecord]) -> Future[Kept]:
         return tuple(kept)
 
     return keeper().submit(whole)
-
-
-@lru_cache(maxsize=1)
-def keeper() -> ThreadPoolExecutor:
-    """The thread that waits for the disk."""
-    return ThreadPoolExecutor(1)
 
 
 @dataclass(frozen=True)

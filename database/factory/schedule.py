@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ampi.workers.engines import Engine, next_told
-from ampi.workers.job import JobError
+from ampi.workers.keeping import require_seen
 from database.factory.jobs import Job, Kept
 from database.records.record_files import NOT_KEPT, Files
 
@@ -78,11 +78,8 @@ def run_jobs(
         if isinstance(found, BaseException):
             raise found
         evidence = job.evidence(found)
-        if evidence is not None and not evidence.exists():
-            raise JobError(
-                f"{job}: its result is not in {evidence.parent}; the workers must see the "
-                "same folder as this process: choose a path on a shared file system"
-            )
+        if evidence is not None:
+            require_seen(job, evidence)
         agenda.settle(place, job, found)
         submit_ready()
         for cases in found:

@@ -23,8 +23,9 @@ import numpy as np
 from ampi.scp.problem.shortfall import outcome_sentence
 from ampi.trajectory import Trajectory
 from ampi.workers.engines import Engine
+from ampi.workers.keeping import keeper
 from database.factory.attempts import Attempt, follow, path_to
-from database.factory.jobs import Job, Kept, keeper
+from database.factory.jobs import Job, Kept
 from database.factory.schedule import Task, run_jobs
 from database.plan.grid import Grid
 from database.records.campaign import Campaign

@@ -14,15 +14,14 @@ from numpy.typing import NDArray
 from ampi.dataset import (
     DIGEST,
     FIELDS,
-    SEAL_BYTES,
     DatasetError,
     Field,
     content_digest,
-    opened,
     seal,
 )
+from ampi.hdf5.file_sink import FileSink
+from ampi.hdf5.seal import SEAL_BYTES, opened
 from ampi.trajectory import Status
-from database.file.file_sink import FileSink
 
 Array = NDArray[np.float64]
 Slices = tuple[slice, ...]

@@ -4,16 +4,13 @@ from __future__ import annotations
 
 import json
 import math
-import zlib
 from dataclasses import dataclass
-from functools import lru_cache
 
 import numpy as np
 
 from ampi.missions.mission import Mission
 from ampi.trajectory import Statistics, Status, Trajectory
-
-CHECKSUM_BYTES = 4
+from ampi.workers.seal import mark, sealed, unsealed
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,27 +70,3 @@ class CaseRecord:
             target_multipliers=arrays.get("target_multipliers"),
         )
         return cls(case, trajectory, head["message"], head["solves"], seconds)
-
-
-def mark(label: str, number: int) -> int:
-    """Where a CRC-32 begins that is to be of a result and of what it belongs to."""
-    return zlib.crc32(str(number).encode(), _crc_of_text(label))
-
-
-@lru_cache(maxsize=8)
-def _crc_of_text(label: str) -> int:
-    return zlib.crc32(label.encode())
-
-
-def sealed(raw: bytes, start: int) -> bytes:
-    """With its CRC-32 from `start` (`mark`) behind it."""
-    return raw + zlib.crc32(raw, start).to_bytes(CHECKSUM_BYTES, "little")
-
-
-def unsealed(raw: bytes, start: int) -> memoryview:
-    """What was `sealed`; ValueError if it is not that any more."""
-    view = memoryview(raw)
-    body, checksum = view[:-CHECKSUM_BYTES], view[-CHECKSUM_BYTES:]
-    if zlib.crc32(body, start).to_bytes(CHECKSUM_BYTES, "little") != checksum:
-        raise ValueError("a record does not match its checksum")
-    return body

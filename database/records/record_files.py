@@ -21,11 +21,10 @@ import json
 import os
 import re
 import shutil
-import socket
 import zlib
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import contextmanager, suppress
+from contextlib import suppress
 from itertools import islice
 from pathlib import Path
 from threading import Lock
@@ -34,10 +33,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ampi.missions.mission import Mission
-from database.records.case_record import CaseRecord, mark, sealed, unsealed
+from ampi.workers.keeping import delete, entry_names, keeping
+from ampi.workers.seal import mark, sealed, unsealed
+from database.records.case_record import CaseRecord
 
-HOST = socket.gethostname()
-NEW_FILE = os.O_WRONLY | os.O_CREAT | os.O_TRUNC | os.O_CLOEXEC
 AT_ONCE = 64  # files that a thread takes to delete
 DELETERS = 16  # a file that was flushed takes milliseconds to delete; side by side they overlap
 NOT_KEPT = -1
@@ -46,74 +45,6 @@ _RESULT = re.compile(r"cases_.*|block_.*|mission\.toml")
 Files = NDArray[np.int32]  # by case (c,): the file of its record, by its first case, or `NOT_KEPT`
 FINGERPRINTS = ("build.json", "build.copy.json")
 _NOTHING_WHOLE = (FileNotFoundError, ValueError, KeyError)  # a disk that cannot be read says so
-
-
-def keeping(results: Mapping[str, bytes]) -> Callable[[], None]:
-    """Write all under other names; what it returns flushes and renames: every target is whole or absent.
-
-    The kernel is told to bring them all to the disk before any is waited for. A flush then mostly finds
-    its work done; one by one, each would wait for the disk in its turn. The folder is not flushed: a
-    loss of power may take back the last renames, and those results are worked out again.
-    """
-    writer = f"{HOST}.{os.getpid()}"  # on a cluster, two may have one number
-    temporaries = [f"{target}.{writer}.tmp" for target in results]
-    files: list[int] = []
-
-    def keep() -> None:
-        with _cleared_away(files, temporaries):
-            for file in files:
-                os.fsync(file)
-            while files:
-                os.close(files.pop())
-            for temporary, target in zip(temporaries, results, strict=True):
-                os.replace(temporary, target)
-
-    with _cleared_away(files, temporaries):
-        for temporary, raw in zip(temporaries, results.values(), strict=True):
-            files.append(os.open(temporary, NEW_FILE, 0o666))
-            _write(files[-1], raw)
-        if hasattr(os, "posix_fadvise"):
-            for file in files:  # who does not need a page has it written
-                os.posix_fadvise(file, 0, 0, os.POSIX_FADV_DONTNEED)
-    return keep
-
-
-@contextmanager
-def _cleared_away(files: list[int], temporaries: list[str]) -> Iterator[None]:
-    """If the disk refuses, close and delete: what is kept needs the room."""
-    try:
-        yield
-    except OSError:
-        while files:
-            os.close(files.pop())
-        for temporary in temporaries:
-            Path(temporary).unlink(missing_ok=True)
-        raise
-
-
-def _write(file: int, raw: bytes) -> None:
-    """All of it: a disk that is nearly full takes a part without a word."""
-    left = memoryview(raw)
-    while left:
-        left = left[os.write(file, left) :]
-
-
-@contextmanager
-def no_parts(folder: Path) -> Iterator[None]:
-    """Delete, before and after, what processes that were killed did not finish: it holds room.
-
-    A driver that dies leaves some to the next; one that gives up kills its workers as they write.
-    """
-    _delete_parts(folder)
-    try:
-        yield
-    finally:
-        _delete_parts(folder)
-
-
-def _delete_parts(folder: Path) -> None:
-    with suppress(FileNotFoundError):  # the folder: the file is whole
-        _delete(f"{folder}{os.sep}{name}" for name in _names(folder) if name.endswith(".tmp"))
 
 
 def again_folder(folder: Path, rounds: int) -> Path:
@@ -189,6 +120,11 @@ def recorded_cases(folder: Path, count: int, label: str) -> tuple[Files, list[Pa
     return found, damaged
 
 
+def fingerprints(folder: Path) -> list[Path]:
+    """The files that say what the records of a folder belong to."""
+    return [folder / name for name in FINGERPRINTS]
+
+
 def nowhere(count: int) -> Files:
     """Where the records lie while there are none."""
     return np.full(count, NOT_KEPT, dtype=np.int32)
@@ -208,15 +144,8 @@ def count_records(folder: Path) -> int:
 
 def _record_files(folder: Path) -> list[int]:
     """The files of records by their first cases."""
-    matches = (_RECORD.fullmatch(name) for name in _names(folder))
+    matches = (_RECORD.fullmatch(name) for name in entry_names(folder))
     return [int(match[1]) for match in matches if match]
-
-
-def _names(folder: Path) -> Iterator[str]:
-    """What lies in a folder, an entry at a time: it may hold hundreds of thousands."""
-    with os.scandir(folder) as entries:
-        for entry in entries:
-            yield entry.name
 
 
 def _read(folder: Path, first: int) -> bytes:
@@ -263,7 +192,7 @@ def discard_records(folder: Path) -> None:
     """Empty the folder of records; what they belong to goes last, so no record is ever orphaned."""
     for again in folder.glob("again_*"):
         shutil.rmtree(again)
-    results = (f"{folder}{os.sep}{name}" for name in _names(folder) if _RESULT.fullmatch(name))
+    results = (f"{folder}{os.sep}{name}" for name in entry_names(folder) if _RESULT.fullmatch(name))
     taking = Lock()
 
     def delete_some() -> None:
@@ -272,15 +201,9 @@ def discard_records(folder: Path) -> None:
                 some = list(islice(results, AT_ONCE))
             if not some:
                 return
-            _delete(some)
+            delete(some)
 
     with ThreadPoolExecutor(DELETERS) as pool:
         for done in [pool.submit(delete_some) for _ in range(DELETERS)]:
             done.result()
-    _delete(f"{folder}{os.sep}{name}" for name in FINGERPRINTS)
-
-
-def _delete(files: Iterable[str]) -> None:
-    for file in files:
-        with suppress(FileNotFoundError):
-            os.unlink(file)
+    delete(map(str, fingerprints(folder)))

@@ -34,6 +34,7 @@ from ampi.dataset import (
 from ampi.missions.loading import parse_mission
 from ampi.missions.mission import Mission
 from ampi.trajectory import Status
+from ampi.workers.fingerprint import label_of, read_fingerprint
 from ampi.workers.software import software
 from ampi.workers.supervisor import Supervisor
 from database.factory.jobs import SolveCase
@@ -41,10 +42,10 @@ from database.factory.stand_in import neighbour_moved
 from database.plan.continuation import layers
 from database.plan.grid import Grid
 from database.records.campaign import BuildError, Campaign
-from database.records.fingerprint import label_of, read_fingerprint
 from database.records.record_files import (
     FINGERPRINTS,
     count_records,
+    fingerprints,
     record_path,
     recorded_cases,
 )
@@ -278,7 +279,8 @@ def test_two_lost_records_are_solved_before_what_starts_from_them(
     """The nominal case and a corner, with all that lies between them kept."""
     path, folder = tmp_path / "a.h5", partial_folder(tmp_path / "a.h5")
     interrupted(small_mission, path, after=9)
-    with_corner = int(recorded_cases(folder, 9, label_of(read_fingerprint(folder) or {}))[0][0])
+    label = label_of(read_fingerprint(fingerprints(folder)) or {})
+    with_corner = int(recorded_cases(folder, 9, label)[0][0])
     for first in (with_corner, 4):
         record = record_path(folder, first)
         record.write_bytes(record.read_bytes()[:-1] + b"?")
@@ -457,7 +459,7 @@ def test_a_file_system_without_locks_is_one_sentence(
     def no_locks(file: object, operation: int) -> None:
         raise OSError(errno.ENOLCK, os.strerror(errno.ENOLCK))
 
-    monkeypatch.setattr("database.records.lock.fcntl.flock", no_locks)
+    monkeypatch.setattr("ampi.workers.lock.fcntl.flock", no_locks)
     with pytest.raises(BuildError, match=r"its file system has no locks \(No locks.*choose a path"):
         database.build(small_mission, tmp_path / "a.h5", solver=neighbour_moved)
 

@@ -9,15 +9,16 @@ from pathlib import Path
 import pytest
 
 from ampi.missions.mission import Mission
+from ampi.workers.fingerprint import read_fingerprint, write_fingerprint
+from ampi.workers.keeping import keeping
+from ampi.workers.lock import exclusive
 from database.factory.attempts import no_trajectory
 from database.records.case_record import CaseRecord
-from database.records.fingerprint import read_fingerprint, write_fingerprint
-from database.records.lock import exclusive
 from database.records.record_files import (
     FINGERPRINTS,
     NOT_KEPT,
     count_records,
-    keeping,
+    fingerprints,
     keeping_block,
     keeping_records,
     load_block,
@@ -119,15 +120,15 @@ def test_a_record_that_cannot_be_read_is_not_taken_for_a_damaged_one(
         load_record(tmp_path, 3, small_mission, "this build")
     (tmp_path / FINGERPRINTS[0]).mkdir()
     with pytest.raises(OSError, match="Is a directory"):
-        read_fingerprint(tmp_path)
+        read_fingerprint(fingerprints(tmp_path))
 
 
 def test_one_copy_of_the_fingerprint_is_enough(tmp_path: Path) -> None:
     """The disk cannot read the first, be it damaged or out of reach."""
-    write_fingerprint(tmp_path, {"solver": "this one"}, "name = 'a'")
+    write_fingerprint(fingerprints(tmp_path), {"solver": "this one"})
     (tmp_path / FINGERPRINTS[0]).unlink()
     (tmp_path / FINGERPRINTS[0]).mkdir()
-    assert read_fingerprint(tmp_path) == {"solver": "this one"}
+    assert read_fingerprint(fingerprints(tmp_path)) == {"solver": "this one"}
 
 
 def test_a_block_is_of_its_build(tmp_path: Path) -> None:

@@ -15,13 +15,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from ampi.hdf5.file_sink import FileSink
 from ampi.workers.engines import Tell
 from ampi.workers.job import JobError
 from database.factory.jobs import Job, Kept
 from database.factory.schedule import LEAST_FORESIGHT, Task, run_jobs
 from database.file.blocks import BLOCK_CASES, blocks, blocks_at
 from database.file.encoded_block import COUNTED, EncodedBlock, encoded_block, stations
-from database.file.file_sink import FileSink
 from database.file.hdf5_file import _write_chunks, create
 from database.records.record_files import NOT_KEPT, nowhere
 

@@ -13,12 +13,12 @@ import pytest
 from ampi.dataset import (
     DIGEST,
     FIELDS,
-    SEAL_BYTES,
     DatasetError,
     content_digest,
     read_dataset,
     seal,
 )
+from ampi.hdf5.seal import SEAL_BYTES
 from ampi.loading import load_guidance
 from ampi.trajectory import Status
 from database.audit.verify import Findings, examine, verify

@@ -1,4 +1,4 @@
-"""One process at a time builds a file.
+"""One process at a time makes a file.
 
 The lock is the kernel's (flock on `PATH.partial/lock`), not the file's existence: it goes with the
 process that holds it, however that ends, and a stale file locks nothing.
