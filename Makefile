@@ -14,8 +14,8 @@ TWO = -n 2 --dist loadfile --no-loadscope-reorder --timeout 300
 demo: $(VENV)/.demo
 	mkdir -p demo
 	$(BIN)/ampi build shefex3 demo/shefex3.h5
-	$(BIN)/ampi fly demo/shefex3.h5 --flights 1000 --output demo/flights.npz --force
-	$(BIN)/ampi report demo/shefex3.h5 demo/flights.npz --output demo/report.html
+	$(BIN)/ampi fly demo/shefex3.h5 --flights 1000 --output demo/flights.h5 --force
+	$(BIN)/ampi report demo/shefex3.h5 demo/flights.h5 --output demo/report.html
 
 test: $(VENV)/.test
 	$(BIN)/python -m pytest $(TWO)

@@ -21,6 +21,7 @@ UNREACHED: set[str] = {
     for name in (
         "air_tables",
         "copula",
+        "campaign_records",
         "csv_table",
         "distributions",
         "drawn",

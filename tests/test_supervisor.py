@@ -293,13 +293,13 @@ def test_a_campaign_whose_workers_are_killed_is_the_same(folder: Path) -> None:
     from ampi.simulation.flights_file import load_campaigns
 
     words = ("fly", "small.h5", "-n", "210", "--modes", "ampi", "-j")
-    finished_well(ampi(folder, *words, "1", "--output", "quiet.npz"))
-    process = ampi(folder, *words, "2", "--output", "killed.npz")
+    finished_well(ampi(folder, *words, "1", "--output", "quiet.h5"))
+    process = ampi(folder, *words, "2", "--output", "killed.h5")
     victims = two_workers(process)
     time.sleep(1.0)
     os.kill(victims[0], signal.SIGKILL)
     finished_well(process)
-    quiet, killed = (load_campaigns(folder / f"{n}.npz")["ampi"] for n in ("quiet", "killed"))
+    quiet, killed = (load_campaigns(folder / f"{n}.h5")["ampi"] for n in ("quiet", "killed"))
     for name, value in vars(quiet).items():
         np.testing.assert_array_equal(vars(killed)[name], value, err_msg=name)
 

@@ -30,7 +30,7 @@ def fly(
     seed: Annotated[int, typer.Option(min=0, help="Seed of the campaign.")] = 2016,
     distribution: Annotated[str, typer.Option(help="normal, uniform or corners.")] = "normal",
     holes: HolesOption = "refuse",
-    output: Annotated[Path | None, typer.Option(help="Keep the flights (.npz) for report.")] = None,
+    output: Annotated[Path | None, typer.Option(help="Keep the flights (HDF5) for report.")] = None,
     table: Annotated[
         Path | None, typer.Option("--csv", help="Write a row for each flight as CSV.")
     ] = None,

@@ -8,6 +8,7 @@ from pathlib import Path
 
 FIGURES = (".png", ".pdf", ".svg")
 HDF5 = b"\x89HDF\r\n\x1a\n"  # where a file begins, or what follows its seal
+FLIGHTS = b"ampi flights\n"  # where a file of flights begins (ampi.simulation.flights_schema)
 END_BYTES = 2048
 
 
@@ -63,7 +64,10 @@ def _check_kind(path: Path) -> None:
         raise ValueError(f"{path}: expected a file to write, got a device or a pipe")
     if path.resolve().suffix.lower() == ".toml":
         raise ValueError(f"{path} is a mission file; nothing was overwritten: choose another path")
-    if HDF5 in _ends(path)[0]:  # a damaged one, or one that is open elsewhere, is a database too
+    head = _ends(path)[0]
+    if HDF5 in head and not head.startswith(
+        FLIGHTS
+    ):  # a damaged one, or one that is open elsewhere, is a database too
         raise ValueError(
             f"{path} is a trajectory database; nothing was overwritten: choose another path"
         )

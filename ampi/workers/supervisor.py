@@ -30,6 +30,7 @@ import signal
 import subprocess
 import sys
 import threading
+from collections import deque
 from collections.abc import Callable
 from contextlib import suppress
 from functools import partial
@@ -233,6 +234,7 @@ class Supervisor:
         self._server: ForkServer | None = None
         self._free: list[Worker] = []
         self._alive: set[Worker] = set()
+        self._waiting = deque[object]()
         self._changed = threading.Condition()
         self._closed = False
 
@@ -282,30 +284,37 @@ class Supervisor:
             worker.stop()
 
     def _take(self) -> Worker:
-        """A worker that computes nothing, or a new one that has started."""
+        """A worker that computes nothing, or a new one that has started; first come, first served."""
         with self._changed:
-            while not self._closed:
-                while self._free:
-                    worker = self._free.pop()
-                    if worker.process.poll() is None:
-                        return worker
-                    worker.stop()  # it has died between two jobs
-                    self._alive.discard(worker)
-                if len(self._alive) < self._most:
-                    break
-                self._changed.wait()
-            hired = self._hired()
+            turn = object()
+            self._waiting.append(turn)
+            try:
+                while not self._closed:
+                    if self._waiting[0] is turn:
+                        while self._free:
+                            worker = self._free.pop()
+                            if worker.process.poll() is None:
+                                return worker
+                            worker.stop()  # it has died between two jobs
+                            self._alive.discard(worker)
+                        if len(self._alive) < self._most:
+                            break
+                    self._changed.wait()
+                hired = self._hired()
+            finally:
+                self._waiting.remove(turn)
+                self._changed.notify_all()
         return self._ready(hired)
 
     def _release(self, worker: Worker) -> None:
         with self._changed:
             self._free.append(worker)
-            self._changed.notify()
+            self._changed.notify_all()
 
     def _forget(self, worker: Worker) -> None:
         with self._changed:
             self._alive.discard(worker)
-            self._changed.notify()
+            self._changed.notify_all()
 
     def _hired(self) -> Worker:
         """A new process; to be called with the lock, so that there are never more than `most`."""
@@ -337,7 +346,7 @@ class Supervisor:
                 with self._changed:
                     self._alive.discard(worker)
                     if self._closed or deaths == DEATHS:
-                        self._changed.notify()
+                        self._changed.notify_all()
                         cause = lost
                         break
                     worker = self._hired()

@@ -5,6 +5,7 @@ import os
 import pytest
 
 from ampi.cli.output_files import check_figures, check_output
+from ampi.simulation.flights_schema import SEAL
 
 
 def test_what_another_made_is_replaced_only_if_asked(tmp_path):
@@ -30,7 +31,7 @@ def test_what_another_made_is_replaced_only_if_asked(tmp_path):
         ("M.TOML", b"", "is a mission file"),
         ("whole.h5", b"\x89HDF\r\n\x1a\n", "is a trajectory database"),
         ("sealed.dat", bytes(512) + b"\x89HDF\r\n\x1a\n", "is a trajectory database"),
-        ("flights.npz", b"PK", "needs this file for something else"),
+        ("flights.h5", b"PK", "needs this file for something else"),
     ],
 )
 def test_no_force_takes_a_mission_a_database_or_an_input(tmp_path, name, content, refusal):
@@ -39,7 +40,16 @@ def test_no_force_takes_a_mission_a_database_or_an_input(tmp_path, name, content
     (tmp_path / "link").symlink_to(path)
     for output in (path, tmp_path / "link"):
         with pytest.raises(ValueError, match=refusal):
-            check_output(output, force=True, others=[None, tmp_path / "flights.npz"])
+            check_output(output, force=True, others=[None, tmp_path / "flights.h5"])
+
+
+def test_flights_are_replaced_if_asked(tmp_path):
+    """They are HDF5 as databases are, and begin otherwise."""
+    path = tmp_path / "flights.h5"
+    path.write_bytes(SEAL.text.ljust(512) + b"\x89HDF\r\n\x1a\n")
+    with pytest.raises(ValueError, match="already there"):
+        check_output(path)
+    check_output(path, force=True)
 
 
 def test_two_outputs_are_two_files(tmp_path):

@@ -188,7 +188,7 @@ def test_audit_and_report_say_it_in_words_and_in_numbers(
     assert numbers["branches"]["astray"][0]["cases"] == [0]
     for exhibits in ("campaign_exhibits", "database_exhibits"):  # the figures are not the point
         monkeypatch.setattr(importlib.import_module("ampi.report.html"), exhibits, lambda *a: ())
-    flights, page = str(tmp_path / "f.npz"), tmp_path / "report.html"
+    flights, page = str(tmp_path / "f.h5"), tmp_path / "report.html"
     flown = command.invoke(
         app, ["fly", path, "-n", "4", "--modes", "ampi", "-j", "1", "--output", flights]
     )

@@ -67,11 +67,11 @@ def test_audit_in_words_and_in_json(folder: Path) -> None:
 
 def test_fly_gives_the_footprint_ratio_in_json_too(folder: Path) -> None:
     options = ("-n", "60", "--modes", "nominal,ampi", "-j", "1")
-    written = run("fly", "small.h5", *options, "--output", "two.npz", cwd=folder).stdout
+    written = run("fly", "small.h5", *options, "--output", "two.h5", cwd=folder).stdout
     numbers = json.loads(run("fly", "small.h5", *options, "--json", cwd=folder).stdout)
     assert numbers["nominal"]["footprint_ratio"] is None
     ratio = numbers["ampi"]["footprint_ratio"]
-    flown = load_campaigns(folder / "two.npz")
+    flown = load_campaigns(folder / "two.h5")
     assert ratio == pytest.approx(asdict(footprint_ratio(flown["ampi"], flown["nominal"])))
     assert str(AreaRatio(**ratio)) in written
 
@@ -138,7 +138,7 @@ def test_guide_flags_an_entry_outside(folder: Path) -> None:
 
 
 def test_fly_and_report(folder: Path) -> None:
-    kept = ("--output", "flights.npz", "--csv", "flights.csv")
+    kept = ("--output", "flights.h5", "--csv", "flights.csv")
     told = run("fly", "small.h5", "-n", "20", *kept, cwd=folder).stdout
     assert "25 km" in told
     drawn = "normal (3σ): speed_m_per_s ± 70, flight_path_angle_deg ± 0.5"
@@ -157,7 +157,7 @@ def test_fly_and_report(folder: Path) -> None:
     passed = sum(row[rows[0].split(",").index("passed")] == "yes" for row in ours)
     assert numbers["ampi"]["passed"]["count"] == passed > 0
     assert numbers["ampi"]["footprint_ratio"] is None  # nothing to compare with
-    run("report", "small.h5", "flights.npz", "--output", "report.html", cwd=folder)
+    run("report", "small.h5", "flights.h5", "--output", "report.html", cwd=folder)
     page = (folder / "report.html").read_text(encoding="utf-8")
     assert "surrogate" in page
     assert "<img" in page or "<svg" in page
@@ -183,16 +183,16 @@ def test_fly_and_report(folder: Path) -> None:
         (("guide", "small.h5", "-p", "speed_m_per_s=1", "-p", "speed_m_per_s=2"), "given twice"),
         (("fly", "small.h5", "--modes", "ampi,best"), "quadratic, got 'best'"),
         (("fly", "small.h5", "--distribution", "cauchy"), "uniform, corners, got 'cauchy'"),
-        (("fly", "small.h5", "--output", "absent/f.npz"), "f.npz: the folder "),
+        (("fly", "small.h5", "--output", "absent/f.h5"), "f.h5: the folder "),
         (("fly", "small.h5", "--output", "small.h5"), "small.h5 is a trajectory database; nothing"),
         (("guide", "small.h5", "--csv", "small.h5"), "small.h5 is a trajectory database; nothing"),
-        (("report", "small.h5", "f.npz", "--output", "small.h5"), "small.h5 is a trajectory data"),
+        (("report", "small.h5", "f.h5", "--output", "small.h5"), "small.h5 is a trajectory data"),
         (("solve", "small.toml", "--csv", "small.toml"), "small.toml is a mission file; nothing"),
         (("solve", "shefex3", "--plot", "a.abc"), "a.abc: expected a name that ends in .png, .pdf"),
         (("audit", "small.h5", "--figures", "small.toml"), "small.toml: expected a folder, got a"),
         (("audit", "."), ".: expected a file, got a folder"),
         (("verify", "."), ".: a folder, there is nothing to verify"),
-        (("report", "small.h5", "absent.npz"), "absent.npz"),
+        (("report", "small.h5", "absent.h5"), "absent.h5"),
     ],
 )
 def test_misuse_is_one_sentence(folder: Path, arguments: tuple[str, ...], message: str) -> None:
@@ -202,18 +202,18 @@ def test_misuse_is_one_sentence(folder: Path, arguments: tuple[str, ...], messag
 
 
 def test_flights_are_replaced_only_if_asked(folder: Path) -> None:
-    flights, base = folder / "dear.npz", folder / "dear.csv"
+    flights, base = folder / "dear.h5", folder / "dear.csv"
     for dear in (flights, base):
         dear.write_bytes(b"weeks of work")
-    fly = ("fly", "small.h5", "-n", "2", "--modes", "nominal", "-j", "1", "--output", "dear.npz")
+    fly = ("fly", "small.h5", "-n", "2", "--modes", "nominal", "-j", "1", "--output", "dear.h5")
     for command in (
         fly,
-        ("solve", "small.toml", "--csv", "dear.npz"),
+        ("solve", "small.toml", "--csv", "dear.h5"),
         ("guide", "small.h5", "--csv", "dear.csv"),
-        ("report", "small.h5", "dear.npz", "--output", "dear.npz", "--force"),
+        ("report", "small.h5", "dear.h5", "--output", "dear.h5", "--force"),
     ):
         told = run(*command, cwd=folder, code=2).stderr
-        assert re.search(r"dear\.(npz|csv) is already there|needs this file", told)
+        assert re.search(r"dear\.(h5|csv) is already there|needs this file", told)
         assert {flights.read_bytes(), base.read_bytes()} == {b"weeks of work"}
     run(*fly, "--force", cwd=folder)
     assert list(load_campaigns(flights)) == ["nominal"]
@@ -356,9 +356,9 @@ def test_a_database_of_another_mission_is_never_overwritten(folder: Path, tmp_pa
     refused = run("build", "light.toml", "held.h5", cwd=tmp_path, code=2).stderr
     assert "is not a database of this mission (shefex3); nothing was overwritten" in refused
     assert held.read_bytes() == (folder / "small.h5").read_bytes()
-    run("fly", "small.h5", "-n", "5", "--modes", "ampi", "--output", "few.npz", cwd=folder)
+    run("fly", "small.h5", "-n", "5", "--modes", "ampi", "--output", "few.h5", cwd=folder)
     run("build", "light.toml", "light.h5", cwd=tmp_path)
-    mixed = run("report", "light.h5", folder / "few.npz", cwd=tmp_path, code=2).stderr
+    mixed = run("report", "light.h5", folder / "few.h5", cwd=tmp_path, code=2).stderr
     assert "flown from a database of another mission" in mixed
     assert "(also shefex3, with other numbers or axes)" in mixed
     assert not (tmp_path / "report.html").exists()
@@ -371,8 +371,8 @@ def test_damaged_files_are_one_sentence(folder: Path, tmp_path: Path) -> None:
     for name, content in (("cut.h5", whole[: len(whole) // 2]), ("flipped.h5", flipped)):
         (tmp_path / name).write_bytes(content)
         assert "rebuild" in run("audit", name, "--probes", "0", cwd=tmp_path, code=2).stderr
-    (tmp_path / "cut.npz").write_bytes(b"PK\x03\x04 cut")
-    told = run("report", folder / "small.h5", "cut.npz", cwd=tmp_path, code=2).stderr
+    (tmp_path / "cut.h5").write_bytes(b"PK\x03\x04 cut")
+    told = run("report", folder / "small.h5", "cut.h5", cwd=tmp_path, code=2).stderr
     assert "not a whole file of flights" in told
 
 

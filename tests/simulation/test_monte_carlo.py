@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from copy import copy
-from dataclasses import fields
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -18,9 +16,9 @@ from ampi.physics.path_constraints import path_constraints
 from ampi.simulation.closed_loop import FlightStatus
 from ampi.simulation.dispersions import Dispersions, Distribution
 from ampi.simulation.flights import Flights
-from ampi.simulation.flights_file import load_campaigns, save_campaigns
 from ampi.simulation.monte_carlo import BATCH, fly, fly_modes
 from ampi.simulation.statistics import judge
+from tests.support.flights import assert_identical
 
 pytestmark = pytest.mark.slow
 
@@ -31,17 +29,6 @@ N = 230
 def campaign(mission: Mission, guidance: Guidance) -> Flights:
     """230 flights on one process."""
     return fly(mission, guidance, n=N, seed=5, n_jobs=1)
-
-
-def assert_identical(one: Flights, two: Flights) -> None:
-    for field in fields(Flights):
-        a, b = getattr(one, field.name), getattr(two, field.name)
-        if isinstance(a, np.ndarray):
-            assert a.dtype == b.dtype, field.name
-            nan = np.issubdtype(a.dtype, np.floating)
-            assert np.array_equal(a, b, equal_nan=nan), field.name
-        else:
-            assert (type(a), a) == (type(b), b), field.name
 
 
 # --- laws -----------------------------------------------------------------------------------------
@@ -229,43 +216,6 @@ def test_absurd_dispersions_are_recorded_not_dropped(mission: Mission, guidance:
     assert verdict.reached.count == flights.reached.sum()
 
 
-# --- files ----------------------------------------------------------------------------------------
-
-
-def test_campaigns_survive_their_file(
-    campaign: Flights, make_flights: Callable[..., Flights], tmp_path: Path
-) -> None:
-    other = make_flights(17, mode=Mode.NOMINAL, mission_sha256=campaign.mission_sha256)
-    path = tmp_path / "campaigns.npz"
-    save_campaigns(path, {"ampi": campaign, "nominal": other})
-    loaded = load_campaigns(path)
-    assert list(loaded) == ["ampi", "nominal"]
-    assert_identical(loaded["ampi"], campaign)
-    assert_identical(loaded["nominal"], other)
-    assert [f.name for f in tmp_path.iterdir()] == ["campaigns.npz"]
-
-
-def test_saving_again_replaces_the_file(
-    make_flights: Callable[..., Flights], tmp_path: Path
-) -> None:
-    path = tmp_path / "campaigns.npz"
-    save_campaigns(path, {"ampi": make_flights(5), "mpi": make_flights(5, mode=Mode.MPI)})
-    second = make_flights(6, seed=2)
-    save_campaigns(path, {"ampi": second})
-    loaded = load_campaigns(path)
-    assert list(loaded) == ["ampi"]
-    assert_identical(loaded["ampi"], second)
-
-
-def test_a_file_keeps_campaigns_of_one_mission(
-    make_flights: Callable[..., Flights], tmp_path: Path
-) -> None:
-    other = make_flights(5, mission_sha256="1" * 64, mission="other")
-    with pytest.raises(ValueError, match="one mission, got a of synthetic, b of other"):
-        save_campaigns(tmp_path / "two.npz", {"a": make_flights(5), "b": other})
-    assert not list(tmp_path.iterdir())
-
-
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
@@ -283,45 +233,3 @@ def test_flights_that_disagree_with_themselves_are_refused(
 ) -> None:
     with pytest.raises(ValueError, match=message):
         make_flights(5, **changes)
-
-
-@pytest.mark.parametrize("fault", ["value", "type", "missing", "mode", "no digest"])
-def test_a_file_changed_by_hand_is_refused(
-    make_flights: Callable[..., Flights], tmp_path: Path, fault: str
-) -> None:
-    path = tmp_path / "flights.npz"
-    save_campaigns(path, {"ampi": make_flights(5), "mpi": make_flights(5, mode=Mode.MPI)})
-    with np.load(path) as packed:
-        arrays = {key: packed[key] for key in packed.files}
-    if fault == "value":
-        arrays["ampi/miss"][2] = 1.0
-    elif fault == "type":
-        arrays["ampi/status"] = arrays["ampi/status"].astype(float)
-    elif fault == "missing":
-        del arrays["mpi/peak"]
-    elif fault == "mode":
-        arrays["ampi/mode"] = np.asarray("best")
-    else:
-        del arrays["sha256"]
-    np.savez(path, **arrays)
-    with pytest.raises(ValueError, match="not a whole file of flights"):
-        load_campaigns(path)
-
-
-def test_damage_of_any_byte_is_one_sentence(
-    make_flights: Callable[..., Flights], tmp_path: Path
-) -> None:
-    path = tmp_path / "flights.npz"
-    save_campaigns(path, {"ampi": make_flights(5)})
-    whole = path.read_bytes()
-    rng = np.random.default_rng(1)
-    for cut in (True, False):
-        for place in rng.integers(0, len(whole), 400):
-            damaged = bytearray(whole[:place] if cut else whole)
-            if not cut:
-                damaged[place] ^= 1 << int(rng.integers(8))
-            path.write_bytes(damaged)
-            try:
-                load_campaigns(path)  # some bytes of a zip say nothing
-            except ValueError as error:
-                assert "not a whole file of flights" in str(error)

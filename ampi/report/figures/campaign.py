@@ -110,7 +110,7 @@ def campaign_tracking_errors(mission: Mission, campaigns: Mapping[str, Flights])
     shown = compared(campaigns)
     figure, panels = panel_grid([q.error_label() for q in ENTRY_QUANTITIES], 2)
     for flights, colour, width in with_widths(shown):
-        errors = flights.states - flights.reference_states
+        errors = flights.states[()] - flights.reference_states[()]
         errors[:, list(CIRCULAR_STATES)] = wrapped(errors[:, list(CIRCULAR_STATES)])
         for i, (axes, quantity) in enumerate(zip(panels, ENTRY_QUANTITIES, strict=True)):
             draw_bundle(axes, flights.times, quantity.shown(errors[:, i]), colour, width=width)
@@ -131,7 +131,7 @@ def campaign_controls(mission: Mission, campaigns: Mapping[str, Flights]) -> Fig
         values = (
             schedule(flights.times, flights.states[:, SPEED]) * alive,
             flights.states[:, BANK],
-            flights.bank_rate,
+            flights.bank_rate[()],
         )
         panels[column].set_title(name, parse_math=False)
         limits = control_limits(mission)
