@@ -85,10 +85,10 @@ class BatchRecords:
             If it cannot be read: it may be whole.
         """
         body = unsealed(self.path(number).read_bytes(), self._mark(number))
-        line = bytes(body[: bytes(body[:ALIGNED]).find(b" ")])
-        place = int(line)
+        place = int(bytes(body[:ALIGNED]).partition(b" ")[0])
+        _, _, text = bytes(body[:place]).partition(b" ")
         arrays = dict[str, NDArray[Any]]()
-        for name, (dtype, shape) in json.loads(bytes(body[len(line) : place])).items():
+        for name, (dtype, shape) in json.loads(text).items():
             array = np.frombuffer(body, dtype, math.prod(shape), place).reshape(shape)
             arrays[name], place = array, place + array.nbytes
         return arrays
