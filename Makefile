@@ -9,12 +9,12 @@ export OPENBLAS_NUM_THREADS = 1
 # first (tests/conftest.py). A test that hangs fails after so many seconds, and is named.
 TWO = -n 2 --dist loadfile --no-loadscope-reorder --timeout 300
 
-.PHONY: demo test quick lint types contracts check benchmark benchmark-factory benchmark-solver wheel lock clean
+.PHONY: demo test quick lint types contracts check benchmark benchmark-factory benchmark-worlds benchmark-solver wheel lock clean
 
 demo: $(VENV)/.demo
 	mkdir -p demo
 	$(BIN)/ampi build shefex3 demo/shefex3.h5
-	$(BIN)/ampi fly demo/shefex3.h5 --flights 1000 --output demo/flights.h5 --force
+	$(BIN)/ampi fly demo/shefex3.h5 --world everything,entry --flights 500 --cycle 0.5 --output demo/flights.h5 --force
 	$(BIN)/ampi report demo/shefex3.h5 demo/flights.h5 --output demo/report.html
 
 test: $(VENV)/.test
@@ -40,6 +40,9 @@ benchmark: $(VENV)/.test
 
 benchmark-factory: $(VENV)/.test
 	$(BIN)/python scripts/benchmark_factory.py
+
+benchmark-worlds: $(VENV)/.test
+	$(BIN)/python scripts/benchmark_worlds.py demo --readme README.md
 
 benchmark-solver: $(VENV)/.test
 	$(BIN)/python scripts/benchmark_solver.py

@@ -16,7 +16,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from ampi.guidance import BankCommand, Guidance
+    from ampi.guidance import Command, Guidance
     from ampi.loading import load_guidance
     from ampi.missions.loading import load_mission
     from ampi.missions.mission import Mission
@@ -27,23 +27,24 @@ if TYPE_CHECKING:
     from ampi.scp.problem.capabilities import MethodError
     from ampi.scp.refinement import RefinementSettings
     from ampi.scp.solve import solve, solve_family
-    from ampi.simulation.closed_loop import FlightStatus
-    from ampi.simulation.dispersions import Dispersions, Distribution
+    from ampi.simulation.estimates.paired import paired
+    from ampi.simulation.estimates.stopping import StopRule
     from ampi.simulation.flights import Flights
     from ampi.simulation.flights_csv import write_flights_csv
     from ampi.simulation.flights_file import load_campaigns, save_campaigns
-    from ampi.simulation.monte_carlo import fly, fly_modes
+    from ampi.simulation.monte_carlo import Scheme, fly, fly_again, fly_schemes
+    from ampi.simulation.plant import FlightStatus
     from ampi.simulation.statistics import judge
+    from ampi.simulation.world import World
+    from ampi.simulation.world_loading import load_world
     from ampi.trajectory import Status, Trajectory
 
     __version__: str
 
 _HOME = {
-    "BankCommand": "ampi.guidance",
+    "Command": "ampi.guidance",
     "ConstantBank": "ampi.scp.guess",
-    "Dispersions": "ampi.simulation.dispersions",
-    "Distribution": "ampi.simulation.dispersions",
-    "FlightStatus": "ampi.simulation.closed_loop",
+    "FlightStatus": "ampi.simulation.plant",
     "Flights": "ampi.simulation.flights",
     "Guidance": "ampi.guidance",
     "Health": "ampi.onboard.health",
@@ -56,7 +57,13 @@ _HOME = {
     "Status": "ampi.trajectory",
     "Trajectory": "ampi.trajectory",
     "fly": "ampi.simulation.monte_carlo",
-    "fly_modes": "ampi.simulation.monte_carlo",
+    "fly_again": "ampi.simulation.monte_carlo",
+    "fly_schemes": "ampi.simulation.monte_carlo",
+    "load_world": "ampi.simulation.world_loading",
+    "paired": "ampi.simulation.estimates.paired",
+    "Scheme": "ampi.simulation.monte_carlo",
+    "StopRule": "ampi.simulation.estimates.stopping",
+    "World": "ampi.simulation.world",
     "load_campaigns": "ampi.simulation.flights_file",
     "save_campaigns": "ampi.simulation.flights_file",
     "write_flights_csv": "ampi.simulation.flights_csv",
@@ -68,10 +75,8 @@ _HOME = {
 }
 
 __all__ = [
-    "BankCommand",
+    "Command",
     "ConstantBank",
-    "Dispersions",
-    "Distribution",
     "FlightStatus",
     "Flights",
     "Guidance",
@@ -81,16 +86,22 @@ __all__ = [
     "Mode",
     "Reference",
     "RefinementSettings",
+    "Scheme",
     "SolverSettings",
     "Status",
+    "StopRule",
     "Trajectory",
+    "World",
     "__version__",
     "fly",
-    "fly_modes",
+    "fly_again",
+    "fly_schemes",
     "judge",
     "load_campaigns",
     "load_guidance",
     "load_mission",
+    "load_world",
+    "paired",
     "save_campaigns",
     "solve",
     "solve_family",

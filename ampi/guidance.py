@@ -1,54 +1,61 @@
-"""Guidance: the two flying halves behind one interface.
+"""Guidance: the flight software behind one interface.
 
-`Guidance.reference` makes the reference of an entry, `Guidance.command` tracks it. Both return and
-never raise in flight: what is unusual is told by their `health`.
+    guidance.begin(parameters)                                   at the entry interface
+    command = guidance.step(time, navigation, sensed)            at every cycle
+
+`step` is what the simulator, exported code and a loop of one's own call. It flies n flights at once, of
+one clock; one flight is a batch of one, to the bit. It returns and never raises in flight: what is
+unusual is told by the `health` of the command.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ampi.onboard.health import Health
-from ampi.onboard.plausibility import BANK, SANE, number, numbers
+from ampi.onboard.clock import SHORTEST, CycleClock
+from ampi.onboard.flown_references import FlownReferences
+from ampi.onboard.health import Health, Steering
+from ampi.onboard.plausibility import BANK, SANE, number, rows, vectors
 from ampi.onboard.reference import Mode, Reference, ReferenceGenerator
 from ampi.onboard.row_layout import N_STATES
 from ampi.onboard.table import GuidanceTable
 from ampi.tracking.bank_limiter import NEAR_INVERTED, BankLimits, bank_on_turn, limited_rate
-from ampi.tracking.linear_quadratic import bank_rate_command
+from ampi.tracking.law import Told, TrackingLaw
+from ampi.tracking.linear_quadratic import LinearQuadratic
 
 Array = NDArray[np.float64]
 
-NOMINAL_CYCLE = 0.5  # s, where none is stated
-SHORTEST = 1e-3  # s; times that are nearer are the same
-LONGEST = 20.0  # nominal cycles; after a longer silence the clock is doubted once
-FORGOTTEN = 0.1  # of the shortest and the longest cycle, at each command
+N_NAVIGATED = N_STATES + 1  # the states and the bank rate
+N_SENSED = 3
 FASTEST = 2.0  # times the rate limit; a vehicle that is said to roll faster is told in another unit
 
 
 @dataclass(frozen=True)
-class BankCommand:
-    """Bank rate to be reached at the end of the cycle (rad/s), bank angle there (rad)."""
+class Command:
+    """For one cycle; numbers of one flight, or arrays (n,)."""
 
-    bank_rate: float
-    bank_angle: float
-    health: Health
+    bank_rate: Any  # rad/s, to be reached at the end of the cycle
+    bank_angle: Any  # rad, there
+    angle_of_attack: Any  # rad, to be added to the schedule's
+    steering: Any  # Steering, by what; of n flights their numbers
+    health: Any  # Health; of n flights their numbers
 
 
 class Guidance:
     """Onboard guidance from a table, in one mode, of one vehicle.
 
     `limits` are the nominal vehicle's; `limit_axes` names those of them that are parameters, each with
-    its place in p: they are then what was measured.
+    its place in p: they are then what was measured. `law` tracks the reference.
 
-    It measures its cycle from the times that it is given, and remembers no more than the last command
-    and its time: `reset`, or the first command after a new reference whose time does not go on, begins
-    a flight. `cycle` (s) is the nominal one, that of the first command. Where it is not stated the first
-    command changes next to nothing, for nobody knows yet how long it will stand.
+    It measures its cycle from the times that it is given (`ampi.onboard.clock`): `reset`, or the first
+    command after a new reference whose time does not go on, begins a flight. `cycle` (s) is the nominal
+    one, that of the first command. Where it is not stated the first command changes next to nothing, for
+    nobody knows yet how long it will stand.
     """
 
     def __init__(
@@ -57,50 +64,63 @@ class Guidance:
         limits: BankLimits,
         mode: Mode | str = Mode.AMPI,
         *,
+        law: TrackingLaw | None = None,
         cycle: float | None = None,
         limit_axes: Mapping[str, int] | None = None,
         mission_sha256: str | None = None,
     ) -> None:
         self.table, self.limits, self.mode = table, limits, Mode(mode)
+        self.law: TrackingLaw = LinearQuadratic() if law is None else law
         self.limit_axes = dict(limit_axes or {})
-        _check(table, limits, cycle, self.limit_axes)
-        self.cycle = NOMINAL_CYCLE if cycle is None else float(cycle)
-        # shortest and longest that the first cycle may be
-        self.first_cycle = (SHORTEST if cycle is None else self.cycle, self.cycle)
+        _check(table, limits, cycle, self.limit_axes, self.law)
         self.mission_sha256 = mission_sha256  # of the database's mission; None if made by hand
         self._generator = ReferenceGenerator(table, self.mode)
-        self._stated = cycle
-        self.reset()
+        self._clock = CycleClock(cycle)
+        self._allocate(1)
 
     def __reduce__(self) -> tuple[object, ...]:
         """Pickled as what it is made from; a worker allocates its own memory."""
-        return _restored, (self._settings(self.mode),)
+        return _restored, (self._settings(),)
+
+    @property
+    def cycle(self) -> float:
+        """The nominal cycle (s)."""
+        return self._clock.nominal
+
+    @property
+    def first_cycle(self) -> tuple[float, float]:
+        """Shortest and longest (s) that the first cycle may be."""
+        return self._clock.first
+
+    @property
+    def flown(self) -> FlownReferences:
+        """The references that are being flown."""
+        return self._flown
+
+    @property
+    def tracked_states(self) -> Array:
+        """States (7, n) of the references where the last command has looked them up."""
+        return self._tracked
 
     def in_mode(self, mode: Mode | str) -> Guidance:
         """The same table flown in another mode."""
-        return Guidance(**self._settings(mode))
+        return Guidance(**self._settings(mode=mode))
 
     def at_cycle(self, cycle: float) -> Guidance:
         """The same guidance for a loop of another nominal cycle (s)."""
-        return Guidance(**{**self._settings(self.mode), "cycle": cycle})
+        return Guidance(**self._settings(cycle=cycle))
 
-    def _settings(self, mode: Mode | str) -> dict[str, Any]:
+    def _settings(self, **changes: Any) -> dict[str, Any]:
         return {
             "table": self.table,
             "limits": self.limits,
-            "mode": mode,
-            "cycle": self._stated,
+            "mode": self.mode,
+            "law": self.law,
+            "cycle": self._clock.stated,
             "limit_axes": self.limit_axes,
             "mission_sha256": self.mission_sha256,
+            **changes,
         }
-
-    def reset(self) -> None:
-        """Begin a new flight: the next command is the first, whatever its time."""
-        self._begins = True
-        self._given = self._clock = self._interval = np.nan
-        self._shortest, self._longest = self.first_cycle
-        self._expected = self.cycle
-        self._bank = self._rate = np.nan  # of the last command
 
     def limits_at(self, parameters: ArrayLike) -> BankLimits:
         """Bank limits of a vehicle with parameters p (d,), or of n with p (n, d).
@@ -117,95 +137,167 @@ class Guidance:
             own[name] = np.where((told > 0.0) & (told < SANE), np.minimum(told, most), nominal)
         return replace(self.limits, **own)
 
+    def reset(self) -> None:
+        """Begin a new flight: the next command is the first, whatever its time."""
+        self._clock.reset()
+        self._forget()
+
+    def _forget(self) -> None:
+        """Nothing has been commanded yet."""
+        n = len(self._flown)
+        self._rate, self._bank, self._angle = np.full(n, np.nan), np.full(n, np.nan), np.zeros(n)
+        self._memory = self.law.memory(n)
+
     def reference(self, parameters: ArrayLike) -> Reference:
         """Reference for the measured parameters p (d,) of the table (SI, rad), in its order.
 
-        Its arrays belong to the guidance and are overwritten by the next call; keep a `copy`.
+        Its arrays belong to the guidance and are overwritten by the next call; keep a `copy`. It is not
+        flown before `follow`.
         """
-        self._begins = True
+        self._clock.expect_begin()
         return self._generator.reference(parameters)
 
-    def command(
-        self, reference: Reference, time: float, state: ArrayLike, bank_rate: float
-    ) -> BankCommand:
-        """Bank command for one guidance cycle. Never an exception: what is unusual is its `health`.
+    def begin(self, parameters: ArrayLike) -> None:
+        """Begin the flight of p (d,), or n flights of p (n, d), on references of their own.
+
+        Memory is allocated here; `step` then wants the navigation of as many flights.
+        """
+        told = rows(parameters, len(self.table.axes))
+        if len(told) != len(self._flown):
+            self._allocate(len(told))
+        for i, p in enumerate(told):
+            self._flown.set(i, self.reference(p))
+        self._flown.rewind()
+        self._follow(told)
+        self.reset()
+
+    def follow(self, reference: Reference | Sequence[Reference]) -> None:
+        """Fly these references from the next step on, one for each flight; the clock goes on."""
+        given = [reference] if isinstance(reference, Reference) else list(reference)
+        if len(given) != len(self._flown):
+            self._allocate(len(given))
+        for i, own in enumerate(given):
+            self._flown.set(i, own)
+        self._follow(np.array([own.parameters for own in given]))
+
+    def _follow(self, parameters: Array) -> None:
+        flown = self._flown
+        self._along = self.law.along(flown.times, flown.rows)
+        self._own_limits = self.limits_at(parameters)
+
+    def _allocate(self, n: int) -> None:
+        self._flown = FlownReferences(n, self.table.conversion.shape[1], self.table.layout)
+        self._along, self._tracked = self._flown.times, np.full((N_STATES, n), np.nan)
+        self._unfelt = np.full((N_SENSED, n), np.nan)
+        self._as_tracked = np.full(n, int(Steering.TRACKED))
+        self._own_limits = self.limits
+        self._forget()
+
+    def step(self, time: float, navigation: ArrayLike, sensed: ArrayLike | None = None) -> Command:
+        """Commands of one guidance cycle. Never an exception: what is unusual is the `health`.
 
         Parameters
         ----------
-        reference
-            From `reference`.
         time
-            Since the entry interface (s).
-        state
-            Navigation state (h, θ, φ, V, γ, ψ, σ; SI, rad).
-        bank_rate
-            Present bank rate (rad/s).
+            Since the entry interface (s), of all flights.
+        navigation
+            (h, θ, φ, V, γ, ψ, σ, σ̇) in SI and rad: (8,) of one flight, (8, n) of n.
+        sensed
+            Specific force (m/s²) along the velocity, up and to the right of it: (3,) or (3, n); None
+            where the law does not use it.
         """
-        health = reference.health
-        in_time = self._advance(number(time))
-        ended = self._clock >= reference.final_time
-        x, rate = numbers(state, N_STATES), number(bank_rate)
-        # without any time the bank angle is held, as after the end
-        now = self._clock if self._clock == self._clock else reference.final_time
-        k, w = locate(reference.times, now)
-        between = np.array((1.0 - w, w))
-        at = reference.states[:, k : k + 2] @ between
-        wanted = (1.0 - w) * reference.bank_rate[k] + w * reference.bank_rate[k + 1]
-        limits = self.limits_at(reference.parameters)
+        n = len(self._flown)
+        with np.errstate(all="ignore"):  # of nonsense the health tells
+            navigated, is_one = vectors(navigation, N_NAVIGATED, n)
+            felt = self._unfelt if sensed is None else vectors(sensed, N_SENSED, n)[0]
+            in_time = self._clock.advance(number(time))
+            if self._clock.is_first:
+                self._forget()
+            told = Told(navigated[:N_STATES], felt, self._clock.expected)
+            return self._steered(told, navigated[N_STATES], in_time=in_time, is_one=is_one)
 
-        navigated = bool(self.table.envelope.holds(x))
-        rolls = bool(abs(rate) <= FASTEST * limits.rate)
-        if not (navigated and rolls):
-            known = bool((np.abs(x) < SANE).all()) and abs(rate) < SANE
-            health = Health.IMPLAUSIBLE_NAVIGATION if known else Health.BAD_NAVIGATION
-        if not rolls:
-            rate = self._rate if self._rate == self._rate else float(wanted)
-        bank = float(x[BANK])
-        if not abs(bank) <= self.table.envelope.reach[BANK]:
-            bank = self._bank if self._bank == self._bank else float(at[BANK])
-        if abs(bank) > np.pi or limits.angle > NEAR_INVERTED:  # otherwise it is on its turn
-            bank = float(bank_on_turn(limits, bank, at[BANK]))
+    def _steered(self, told: Told, rate: Array, *, in_time: bool, is_one: bool) -> Command:
+        """The command, once time and shapes are known."""
+        at, ended, lost = self._look_up(told)
+        layout, limits = self._flown.layout, self._own_limits
+        own, state = at[layout.bank_rate], told.state
+        self._tracked = at[layout.states]
+        plausible = self.table.envelope.holds(state)
+        rolls = np.abs(rate) <= FASTEST * limits.rate
+        health = self._flown.health.copy()
+        bank = self._bank_angle(state[BANK].copy(), at[BANK])
+        if not (plausible.all() and rolls.all()):
+            known = (np.abs(state) < SANE).all(axis=0) & (np.abs(rate) < SANE)
+            fault = np.where(known, Health.IMPLAUSIBLE_NAVIGATION, Health.BAD_NAVIGATION)
+            health = np.where(plausible & rolls, health, fault)
+            rate = np.where(rolls, rate, np.where(np.isnan(self._rate), own, self._rate))
+            state[:] = np.where(plausible, state, at[layout.states])  # for the law's memory
+        state[BANK] = bank
+        asked, angle = self.law.command(at, told, self._memory)
+        wanted, steering, held = asked, np.full(len(asked), int(Steering.TRACKED)), ended | lost
+        if not plausible.all():
+            wanted = np.where(plausible, asked, own)
+            steering = np.where(plausible, steering, Steering.REFERENCE)
+            angle = np.where(plausible, angle, self._angle)
+        if not in_time:
+            health = np.full(len(health), int(Health.BAD_TIME))
+        if held.any():
+            wanted = np.where(held, 0.0, wanted)
+            health = np.where(ended, Health.AFTER_FINAL_TIME, health)
+            steering = np.where(held, Steering.HELD, steering)
+        clock = self._clock
+        # The limits are of commands: from the measured rate, behind a lag of half a second at 10 Hz,
+        # they would leave a fifth of the acceleration, and the bank angle would overshoot by 19°.
+        last = np.where(np.isnan(self._rate), rate, self._rate)
+        new = limited_rate(limits, bank, last, wanted, clock.longest, clock.shortest)
+        self._rate, self._angle = new, angle
+        self._bank = bank + 0.5 * (rate + new) * clock.expected
+        return _command(new, self._bank, self._angle, steering, health, is_one=is_one)
 
-        if now >= reference.final_time:
-            wanted = 0.0
-        elif navigated:
-            gain = reference.gains[:, k : k + 2] @ between
-            x = x.copy()
-            x[BANK] = bank
-            wanted = bank_rate_command(x, at, wanted, gain)
-        if ended:
-            health = Health.AFTER_FINAL_TIME
-        elif not in_time:
-            health = Health.BAD_TIME
-        new = float(limited_rate(limits, bank, rate, wanted, self._longest, self._shortest))
-        self._rate, self._bank = new, bank + 0.5 * (rate + new) * self._expected
-        return BankCommand(self._rate, self._bank, health)
+    def _look_up(self, told: Told) -> tuple[Array, NDArray[np.bool_], NDArray[np.bool_]]:
+        """Rows of the references (r, n) at this instant; which have ended; of which it is unknown."""
+        end = self._along[:, -1]
+        value = self.law.now(self._clock.now, told)
+        value = value + np.zeros(len(end))
+        ended, lost = value >= end, np.isnan(value)
+        if lost.any():
+            value = np.where(lost, end, value)
+        return self._flown.at(self._along, value), ended, lost
 
-    def _advance(self, time: float) -> bool:
-        """Take the time of this command, and how long the command may stand; whether time goes on."""
-        step = time - self._given
-        goes_on = SHORTEST <= step <= LONGEST * self.cycle  # false for what is no number
-        if goes_on:
-            if not self._interval > 0.0:  # none was known: this is the first
-                self._interval = self._shortest = self._longest = step
-            # of two, lest a silence counts as a cycle; both bounds forget slowly
-            low, high = min(step, self._interval), max(step, self._interval)
-            self._shortest = min(low, self._shortest + FORGOTTEN * (low - self._shortest))
-            self._longest = max(high, self._longest + FORGOTTEN * (high - self._longest))
-            self._expected = low
-            self._interval, self._clock = step, time
-        elif self._begins and abs(time) < SANE:
-            self.reset()
-            self._clock, goes_on = time, True
-            self._interval = self._stated or np.nan
-        else:
-            self._clock += self._interval if self._interval > 0.0 else self.cycle
-        self._begins = self._begins and not goes_on
-        self._given = time if abs(time) < SANE else self._given
-        return goes_on
+    def _bank_angle(self, told: Array, reference: Array) -> Array:
+        """The bank angles (n,) on their turn; one that is lost is that of the last command."""
+        known = np.abs(told) <= self.table.envelope.reach[BANK]
+        if not known.all():
+            told = np.where(known, told, np.where(np.isnan(self._bank), reference, self._bank))
+        # otherwise all are on their turn, where it changes no bit
+        if np.abs(told).max() > np.pi or np.max(self._own_limits.angle) > NEAR_INVERTED:
+            told = bank_on_turn(self._own_limits, told, reference)
+        return told
 
 
-def _check(table: Any, limits: Any, cycle: Any, limit_axes: dict[str, int]) -> None:
+def _command(
+    rate: Array,
+    bank: Array,
+    angle: Array,
+    steering: NDArray[np.int64],
+    health: NDArray[np.int64],
+    *,
+    is_one: bool,
+) -> Command:
+    if not is_one:
+        return Command(rate, bank, angle, steering, health)
+    return Command(
+        float(rate[0]),
+        float(bank[0]),
+        float(angle[0]),
+        Steering(int(steering[0])),
+        Health(int(health[0])),
+    )
+
+
+def _check(
+    table: Any, limits: Any, cycle: Any, limit_axes: dict[str, int], law: TrackingLaw
+) -> None:
     """On the ground: what flies is what it should be."""
     if not isinstance(table, GuidanceTable):
         raise ValueError(f"table: expected a GuidanceTable, got {type(table).__name__}")
@@ -223,20 +315,13 @@ def _check(table: Any, limits: Any, cycle: Any, limit_axes: dict[str, int]) -> N
             )
         if not table.axes[i][0] > 0.0:
             raise ValueError(f"limit_axes: {name}: expected an axis of positive numbers, axis {i}")
+    if table.layout != law.layout:
+        raise ValueError(
+            f"law: expected a table with the rows of {law.name} "
+            f"({', '.join(row.name for row in law.layout.rows)}), got "
+            f"{', '.join(row.name for row in table.layout.rows)}; load the database for this law"
+        )
 
 
 def _restored(settings: dict[str, Any]) -> Guidance:
     return Guidance(**settings)
-
-
-def locate(times: Array, time: float) -> tuple[int, float]:
-    """Index k and weight w with time = (1 − w) times[k] + w times[k+1], held at both ends."""
-    low, high = 0, len(times) - 1
-    while high - low > 1:  # bisection: bounded by log₂ of the length
-        middle = (low + high) // 2
-        if times[middle] <= time:
-            low = middle
-        else:
-            high = middle
-    w = (time - times[low]) / (times[high] - times[low])
-    return low, min(max(w, 0.0), 1.0)

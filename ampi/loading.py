@@ -2,24 +2,78 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import Literal, get_args
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ampi.dataset import DatasetError, TrajectoryDataset, read_dataset
 from ampi.guidance import Guidance
+from ampi.missions.mission import Mission
 from ampi.onboard.reference import Mode
-from ampi.onboard.row_layout import LINEAR_TRACKING, RowKind
+from ampi.onboard.row_layout import RowKind, RowLayout
 from ampi.onboard.table import GuidanceTable, nearest_solved
+from ampi.tracker_design.drag_rows import drag_rows
 from ampi.tracking.bank_limiter import BankLimits
+from ampi.tracking.drag_shuttle import DragShuttle
+from ampi.tracking.drag_sliding_mode import DragSlidingMode
+from ampi.tracking.law import TrackingLaw
+from ampi.tracking.linear_quadratic import LinearQuadratic
 
+Array = NDArray[np.float64]
 Holes = Literal["refuse", "fly"]
 HOLES: tuple[Holes, ...] = get_args(Holes)
+AT_ONCE = 4096  # cases whose rows are made together: of a large database all would not fit
 
 
-def guidance_table(dataset: TrajectoryDataset, holes: Holes = "refuse") -> GuidanceTable:
-    """Pack states, bank rate and gains of a database into the table that flies.
+def law_of(law: TrackingLaw | str, mission: Mission) -> TrackingLaw:
+    """A law by its name, of the mission's planet; one that is a law already comes back.
+
+    Raises
+    ------
+    ValueError
+        If there is no law of that name.
+    """
+    if not isinstance(law, str):
+        return law
+    if law not in LAWS:
+        raise ValueError(f"law: expected a tracking law or one of {', '.join(LAWS)}, got {law!r}")
+    return LAWS[law](mission)
+
+
+def _linear_quadratic(mission: Mission) -> TrackingLaw:
+    return LinearQuadratic()
+
+
+def _drag_sliding_mode(mission: Mission) -> TrackingLaw:
+    planet = mission.flight_model.planet
+    return DragSlidingMode(
+        gravitational_parameter=planet.gravitational_parameter, radius=planet.equatorial_radius
+    )
+
+
+def _drag_shuttle(mission: Mission) -> TrackingLaw:
+    planet = mission.flight_model.planet
+    return DragShuttle(
+        gravitational_parameter=planet.gravitational_parameter, radius=planet.equatorial_radius
+    )
+
+
+LAWS: dict[str, Callable[[Mission], TrackingLaw]] = {
+    "linear_quadratic": _linear_quadratic,
+    "drag_sliding_mode": _drag_sliding_mode,
+    "drag_shuttle": _drag_shuttle,
+}
+
+
+def guidance_table(
+    dataset: TrajectoryDataset,
+    holes: Holes = "refuse",
+    law: TrackingLaw | str = "linear_quadratic",
+) -> GuidanceTable:
+    """Pack what a law flies by, of every case of a database, into the table that flies.
 
     With `holes="fly"` a case without solution takes the rows of the nearest one that has one, and the
     table says so.
@@ -43,13 +97,8 @@ def guidance_table(dataset: TrajectoryDataset, holes: Holes = "refuse") -> Guida
             f"{first}: {told[0].rstrip('.')}. A table with holes cannot fly unless it is asked to "
             "(holes='fly', --holes fly); or leave them out with: ampi crop"
         )
-    rows = LINEAR_TRACKING.stacked(
-        {
-            RowKind.STATE: dataset.states,
-            RowKind.CONTROL: dataset.bank_rate[..., None, :],
-            RowKind.GAIN: dataset.gains,
-        }
-    )
+    layout = law_of(law, dataset.mission).layout
+    rows = layout.stacked(_parts(dataset, layout))
     final_time = dataset.final_time
     if len(missing):
         nearest = nearest_solved(dataset.axes, solved).ravel()
@@ -68,7 +117,31 @@ def guidance_table(dataset: TrajectoryDataset, holes: Holes = "refuse") -> Guida
         ),
         solved=solved if len(missing) else None,
         circular=tuple(i for i, p in enumerate(dataset.mission.parameters) if p.number.is_circular),
+        layout=layout,
     )
+
+
+def _parts(dataset: TrajectoryDataset, layout: RowLayout) -> dict[RowKind, Array]:
+    """Rows (p…, r, n) of each kind that the layout has: those of the file, and those of the physics."""
+    kinds = {row.kind for row in layout.rows}
+    parts = {RowKind.STATE: dataset.states, RowKind.CONTROL: dataset.bank_rate[..., None, :]}
+    if RowKind.GAIN in kinds:
+        parts[RowKind.GAIN] = dataset.gains
+    if RowKind.LOAD in kinds:
+        parts[RowKind.LOAD] = _drag_rows(dataset)
+    return parts
+
+
+def _drag_rows(dataset: TrajectoryDataset) -> Array:
+    """`drag_rows` of all cases, (p…, 5, n)."""
+    points = np.stack(np.meshgrid(*dataset.axes, indexing="ij"), axis=-1)
+    family = dataset.mission.family(points.reshape(dataset.final_time.size, -1))
+    fixed, free = dataset.mission.pseudospectral_mesh.node_time
+    times = fixed + free * dataset.final_time.reshape(-1, 1)
+    states = dataset.states.reshape(-1, *dataset.states.shape[-2:])
+    blocks = [slice(i, i + AT_ONCE) for i in range(0, len(states), AT_ONCE)]
+    rows = [drag_rows(family.take(np.arange(len(states))[b]), states[b], times[b]) for b in blocks]
+    return np.concatenate(rows).reshape(*dataset.shape, -1, states.shape[-1])
 
 
 def load_guidance(
@@ -77,6 +150,7 @@ def load_guidance(
     mode: Mode | str = Mode.AMPI,
     holes: Holes = "refuse",
     cycle: float | None = None,
+    law: TrackingLaw | str = "linear_quadratic",
 ) -> Guidance:
     """Guidance from a database file, checked: schema version, checksums, completeness.
 
@@ -92,13 +166,16 @@ def load_guidance(
     cycle
         Nominal guidance cycle (s). Guidance measures its own; this one is that of the first command,
         which changes next to nothing if none is stated. Simulated flights take 0.5 s then.
+    law
+        What tracks the reference: "linear_quadratic" (default), "drag_sliding_mode" or "drag_shuttle",
+        with the gains that they come with; or a law with gains of one's own.
 
     Raises
     ------
     DatasetError
         If the file cannot be trusted; the message says why and what to do.
     """
-    return guidance_of(read_dataset(path), mode=mode, holes=holes, cycle=cycle)
+    return guidance_of(read_dataset(path), mode=mode, holes=holes, cycle=cycle, law=law)
 
 
 def guidance_of(
@@ -107,13 +184,16 @@ def guidance_of(
     mode: Mode | str = Mode.AMPI,
     holes: Holes = "refuse",
     cycle: float | None = None,
+    law: TrackingLaw | str = "linear_quadratic",
 ) -> Guidance:
     """The same from a database that has been read."""
     limits, names = dataset.mission.limits, dataset.names
+    tracker = law_of(law, dataset.mission)
     return Guidance(
-        guidance_table(dataset, holes),
+        guidance_table(dataset, holes, tracker),
         BankLimits(limits.bank_angle, limits.bank_rate, limits.bank_acceleration),
         mode,
+        law=tracker,
         cycle=cycle,
         limit_axes={
             limit: names.index(f"limits.bank_{limit}")

@@ -18,22 +18,22 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("path", help="trajectory database")
     parser.add_argument("--flights", type=int, default=1000, help="flights per mode")
+    parser.add_argument("--world", default="entry", help="a shipped world, or a .toml file")
     parser.add_argument("--seed", type=int, default=2016)
     parser.add_argument("--jobs", type=int, default=2, help="worker processes")
     arguments = parser.parse_args()
     mission = read_dataset(arguments.path).mission
     guidance = ampi.load_guidance(arguments.path)
     with progress("flying", arguments.flights * len(ampi.Mode)) as advance:
-        flown = ampi.fly_modes(
+        flown = ampi.fly_schemes(
             mission,
-            guidance,
-            ampi.Mode,
-            n=arguments.flights,
+            {m.value: ampi.Scheme(guidance.in_mode(m), arguments.world) for m in ampi.Mode},
+            arguments.flights,
             seed=arguments.seed,
             n_jobs=arguments.jobs,
             advance=advance,
         )
-    print(verdict_text(mission, {mode.value: flights for mode, flights in flown.items()}))
+    print(verdict_text(mission, flown))
 
 
 if __name__ == "__main__":

@@ -10,7 +10,19 @@ import sys
 
 import typer
 
-from ampi.cli import atmosphere, audit, build, cases, fly, guide, missions, papers, report, solve
+from ampi.cli import (
+    atmosphere,
+    audit,
+    build,
+    cases,
+    fly,
+    guide,
+    missions,
+    papers,
+    report,
+    sensitivity,
+    solve,
+)
 from ampi.cli.console import error_out, out, print_error
 from ampi.cli.endings import watch_signals
 from ampi.cli.terminal import discard, standard_stream
@@ -26,6 +38,7 @@ app = typer.Typer(
 )
 for command in (  # in the order of --help
     missions.missions,
+    missions.worlds,
     atmosphere.atmosphere,
     solve.solve,
     build.build,
@@ -36,6 +49,7 @@ for command in (  # in the order of --help
     build.crop,
     guide.guide,
     fly.fly,
+    sensitivity.sensitivity,
     report.report,
     papers.reproduce,
 ):

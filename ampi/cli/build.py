@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import shlex
 import sys
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from ampi.cli.cluster import cluster
 from ampi.cli.console import error_out, escaped, out, print_json
 from ampi.cli.endings import Stopped, refusals
 from ampi.cli.options import DatabaseArgument, Jobs, Json, MissionArgument, key_and_value
@@ -54,7 +53,7 @@ def build(
     with refusals():
         loaded = load_mission(mission)
         try:
-            with _cluster(scheduler) as client:
+            with cluster(scheduler) as client:
                 _agree_to_build(loaded, path, client, jobs, yes=yes, resume=resume)
                 report = _build(loaded, path, client, jobs, time_limit, resume=resume)
         except Stopped as stopped:
@@ -150,30 +149,6 @@ def _agree_to_build(
         raise ValueError(f"{found}; to build that much, add --yes")
     if not typer.confirm("Build it?", err=True):
         raise typer.Exit(2)
-
-
-@contextmanager
-def _cluster(scheduler: str | None) -> Iterator[Any]:
-    """A client of a running scheduler; None without an address."""
-    if scheduler is None:
-        yield None
-        return
-    try:
-        from distributed import Client
-    except ImportError:
-        raise ValueError(
-            "--scheduler: needs dask.distributed, which is not installed; "
-            "try: pip install 'ampi[cluster]'"
-        ) from None
-    try:
-        client = Client(scheduler, timeout=10)
-    except (OSError, ValueError) as error:
-        raise ValueError(
-            f"--scheduler: expected the address of a running scheduler, got {scheduler!r} "
-            f"({type(error).__name__}); start one with: dask scheduler"
-        ) from None
-    with client:
-        yield client
 
 
 def refine(

@@ -1,106 +1,176 @@
-"""`ampi fly`: closed-loop flights and their verdict."""
+"""`ampi fly`: closed-loop flights in worlds that differ from the model, and their verdict."""
 
 from __future__ import annotations
 
 import sys
 from collections.abc import Mapping
-from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from ampi.cli.case import CaseFiles, fly_case
+from ampi.cli.cluster import cluster
 from ampi.cli.console import print_json
 from ampi.cli.endings import refusals
-from ampi.cli.options import DatabaseArgument, Force, HolesOption, Jobs, Json, member, one_of
+from ampi.cli.options import (
+    DatabaseArgument,
+    Force,
+    HolesOption,
+    Jobs,
+    Json,
+    LawOption,
+    ModesOption,
+    PoolOption,
+    SeedOption,
+    WorldOption,
+    one_of,
+)
 from ampi.cli.output_files import check_output
 from ampi.cli.progress import progress
 
 if TYPE_CHECKING:
+    from ampi.dataset import TrajectoryDataset
     from ampi.missions.mission import Mission
     from ampi.simulation.flights import Flights
+    from ampi.simulation.monte_carlo import CampaignOptions, Scheme
+
+KILO, PERCENT = 1e3, 100.0
+Stop = Annotated[
+    float | None,
+    typer.Option(
+        help="Stop when the share within --stop-radius-km is known to so many per cent, "
+        "of every scheme: the width of its 95 % interval."
+    ),
+]
 
 
 def fly(
     path: DatabaseArgument,
-    n: Annotated[int, typer.Option("-n", "--flights", min=1, help="Flights per mode.")] = 1000,
-    modes: Annotated[
-        str, typer.Option(help="Comma-separated: nominal, mpi, ampi, quadratic.")
-    ] = "nominal,mpi,ampi,quadratic",
-    seed: Annotated[int, typer.Option(min=0, help="Seed of the campaign.")] = 2016,
-    distribution: Annotated[str, typer.Option(help="normal, uniform or corners.")] = "normal",
+    n: Annotated[int, typer.Option("-n", "--flights", min=1, help="Flights per scheme.")] = 1000,
+    world: WorldOption = "entry",
+    law: LawOption = "linear_quadratic",
+    modes: ModesOption = "nominal,mpi,ampi,quadratic",
+    seed: SeedOption = 2016,
+    pool: PoolOption = "reported",
     holes: HolesOption = "refuse",
-    output: Annotated[Path | None, typer.Option(help="Keep the flights (HDF5) for report.")] = None,
+    output: Annotated[
+        Path | None, typer.Option(help="Stream the flights to this HDF5 file; run again to resume.")
+    ] = None,
     table: Annotated[
         Path | None, typer.Option("--csv", help="Write a row for each flight as CSV.")
     ] = None,
-    cycle: Annotated[
-        float | None, typer.Option(help="Guidance cycle (s); 0.5 if not given.")
+    cycle: Annotated[float, typer.Option(help="Guidance cycle (s).")] = 0.1,
+    stop_percent: Stop = None,
+    stop_radius_km: Annotated[float, typer.Option(help="For --stop-percent.")] = 5.0,
+    case: Annotated[
+        int | None, typer.Option(min=0, help="Fly this one again: print it cycle by cycle.")
+    ] = None,
+    plot: Annotated[Path | None, typer.Option(help="Of --case: draw it (PNG, PDF, SVG).")] = None,
+    scheduler: Annotated[
+        str | None, typer.Option(help="Address of a dask.distributed scheduler to fly on.")
     ] = None,
     *,
     jobs: Jobs,
     force: Force = False,
     as_json: Json = False,
 ) -> None:
-    """Fly closed-loop entries, the same draws in every mode, and give the verdict."""
-    from ampi.dataset import read_dataset
-    from ampi.loading import HOLES, guidance_of
-    from ampi.onboard.reference import Mode
-    from ampi.simulation.dispersions import Dispersions, Distribution
-    from ampi.simulation.monte_carlo import fly_modes
+    """Fly closed-loop entries, the same draws by every scheme, and give the verdict.
 
+    A scheme is a world, a tracking law and a reference; several of each may be given, by commas. With
+    --case one flight of the campaign is flown again, bit for bit, and told cycle by cycle.
+    """
+    options: CampaignOptions = {"seed": seed, "pool": pool, "cycle": cycle}
+    stop = None if stop_percent is None else (stop_radius_km * KILO, stop_percent / PERCENT)
     with refusals():
-        check_output(output, force=force, others=[path])
-        check_output(table, force=force, others=[path, output])
-        dataset = read_dataset(path)
-        mission = dataset.mission
-        guidance = guidance_of(dataset, holes=one_of(HOLES, holes, "--holes"))
-        names = dict.fromkeys(name.strip() for name in modes.split(","))
-        chosen = [member(Mode, name, "--modes") for name in names]
-        law = member(Distribution, distribution, "--distribution")
-        with progress("flying", n * len(chosen)) as advance:
-            flown = fly_modes(
-                mission,
-                guidance,
-                chosen,
-                Dispersions.from_mission(mission, law),
-                n,
-                seed=seed,
-                n_jobs=jobs,
-                cycle=cycle,
-                advance=advance,
-            )
-        campaigns = {mode.value: flights for mode, flights in flown.items()}
-        _keep(mission, campaigns, output, table)
+        dataset = _read(path)
+        schemes = schemes_of(dataset, world, law, modes, holes)
+        if case is not None:
+            files = CaseFiles(recorded=output, table=table, plot=plot, force=force)
+            fly_case(dataset.mission, schemes, case, options, files, as_json=as_json)
+            return
+        _check(path, output, table, plot, force=force)
+        with cluster(scheduler) as client:
+            options |= {"output": output, "resume": not force}
+            options |= {"n_jobs": jobs, "client": client}
+            campaigns = _flown(dataset.mission, schemes, n, stop, options)
+        _write(table, dataset.mission, campaigns)
+    _tell(dataset.mission, campaigns, as_json=as_json)
+
+
+def _flown(
+    mission: Mission,
+    schemes: Mapping[str, Scheme],
+    n: int,
+    stop: tuple[float, float] | None,
+    options: CampaignOptions,
+) -> Mapping[str, Flights]:
+    from ampi.simulation.estimates.stopping import StopRule
+    from ampi.simulation.monte_carlo import fly_schemes
+
+    if stop is not None:
+        options["stop"] = StopRule(*stop)
+    with progress("flying", n * len(schemes)) as advance:
+        options["advance"] = advance
+        return fly_schemes(mission, schemes, n, **options)
+
+
+def _write(table: Path | None, mission: Mission, campaigns: Mapping[str, Flights]) -> None:
+    if table is not None:
+        from ampi.simulation.flights_csv import write_flights_csv
+
+        write_flights_csv(table, mission, campaigns)
+
+
+def _read(path: Path) -> TrajectoryDataset:
+    from ampi.dataset import read_dataset
+
+    return read_dataset(path)
+
+
+def _check(
+    path: Path, output: Path | None, table: Path | None, plot: Path | None, *, force: bool
+) -> None:
+    check_output(output, force=force, made_by="ampi flights", others=[path])
+    check_output(table, force=force, others=[path, output])
+    if plot is not None:
+        raise ValueError("--plot: expected --case with it; 'ampi report' draws a campaign")
+
+
+def schemes_of(
+    dataset: TrajectoryDataset, world: str, law: str, modes: str, holes: str
+) -> dict[str, Scheme]:
+    """Every world × law × reference, named by what they differ in."""
+    from ampi.loading import HOLES, LAWS, guidance_of
+    from ampi.onboard.reference import Mode
+    from ampi.simulation.monte_carlo import Scheme
+    from ampi.simulation.world_loading import load_world
+
+    asked = one_of(HOLES, holes, "--holes")
+    laws = {name: one_of(LAWS, name, "--law") for name in _names(law)}
+    chosen = [one_of([m.value for m in Mode], name, "--modes") for name in _names(modes)]
+    worlds = {loaded.name: loaded for loaded in map(load_world, _names(world))}
+    guides = {name: guidance_of(dataset, law=own, holes=asked) for name, own in laws.items()}
+    found = {}
+    for place, loaded in worlds.items():
+        loaded.checked(dataset.mission)
+        for name, guide in guides.items():
+            for mode in chosen:
+                parts = [place] * (len(worlds) > 1) + [name] * (len(guides) > 1)
+                found[" ".join([*parts, mode])] = Scheme(guide.in_mode(mode), loaded)
+    return found
+
+
+def _names(text: str) -> list[str]:
+    return list(dict.fromkeys(name.strip() for name in text.split(",")))
+
+
+def _tell(mission: Mission, campaigns: Mapping[str, Flights], *, as_json: bool) -> None:
     if as_json:
-        print_json(_as_dict(mission, campaigns))
+        from ampi.report.schemes_table import schemes_as_dict
+
+        print_json(schemes_as_dict(mission, campaigns))
     else:
         from ampi.report.text import verdict_text
 
         sys.stdout.write(verdict_text(mission, campaigns) + "\n")
-
-
-def _keep(
-    mission: Mission, campaigns: Mapping[str, Flights], output: Path | None, table: Path | None
-) -> None:
-    from ampi.simulation.flights_csv import write_flights_csv
-    from ampi.simulation.flights_file import save_campaigns
-
-    if output is not None:
-        save_campaigns(output, campaigns)
-    if table is not None:
-        write_flights_csv(table, mission, campaigns)
-
-
-def _as_dict(mission: Mission, campaigns: Mapping[str, Flights]) -> dict[str, Any]:
-    from ampi.simulation.statistics import judge, ratio_to_nominal
-
-    verdicts = {}
-    for name, flights in campaigns.items():
-        ratio = ratio_to_nominal(flights, campaigns)
-        verdicts[name] = {
-            **judge(flights).as_dict(),
-            "drawn": flights.dispersions.in_words(mission),
-            "footprint_ratio": None if ratio is None else asdict(ratio),
-        }
-    return verdicts

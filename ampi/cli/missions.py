@@ -11,3 +11,11 @@ def missions() -> None:
 
     for name in shipped_missions():
         out.print(f"{name:16} {load_mission(name).title}")
+
+
+def worlds() -> None:
+    """List the shipped worlds: what may be true and is not told."""
+    from ampi.simulation.world_loading import load_world, shipped_worlds
+
+    for name in shipped_worlds():
+        out.print(f"{name:<16} {load_world(name).title}")

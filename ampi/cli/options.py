@@ -41,6 +41,19 @@ Force = Annotated[
 HolesOption = Annotated[
     str, typer.Option("--holes", help="Of a database with unsolved cases: refuse it, or fly it.")
 ]
+WorldOption = Annotated[
+    str,
+    typer.Option(
+        help="Comma-separated: entry, hexeract, everything, arctic, arctic_january, or .toml files."
+    ),
+]
+LawOption = Annotated[
+    str,
+    typer.Option(help="Comma-separated: linear_quadratic, drag_sliding_mode, drag_shuttle."),
+]
+ModesOption = Annotated[str, typer.Option(help="Comma-separated: nominal, mpi, ampi, quadratic.")]
+SeedOption = Annotated[int, typer.Option(min=0, help="Seed of the campaign.")]
+PoolOption = Annotated[str, typer.Option(help="Of draws: reported, or tuning.")]
 
 
 def one_of(values: Iterable[Text], text: str, option: str) -> Text:

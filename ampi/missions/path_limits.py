@@ -27,6 +27,7 @@ from ampi.missions.sections import MissionSections
 from ampi.physics.equations_of_motion import FlightModel
 from ampi.physics.path_constraints import no_fly_zone, path_constraints
 from ampi.physics.state import BANK, LATITUDE, LOADS, LONGITUDE, SPEED
+from ampi.physics.vehicle import AirLoads
 
 KEPT = 1e-3  # of a limit: the excess that still counts as kept
 CONTROL_LIMITS = ("bank_angle", "bank_rate")
@@ -91,12 +92,15 @@ class PathLimits:
         """Names of the limits on what the flight meets, in order: all but those of the control."""
         return self.names[: -len(CONTROL_LIMITS)]
 
-    def path(self, model: FlightModel, state: Any, time: Any) -> list[Any]:
+    def path(
+        self, model: FlightModel, state: Any, time: Any, air: AirLoads | None = None
+    ) -> list[Any]:
         """Use of each limit `on_the_path` at `state` (h, θ, φ, V, γ, ψ, σ; SI, rad) and `time` (s).
 
-        States may be arrays or symbols; of a family, their shape is that of its model's numbers.
+        States may be arrays or symbols; of a family, their shape is that of its model's numbers. `air`
+        are the model's air loads there, if they are known.
         """
-        values = path_constraints(model, state, time)
+        values = path_constraints(model, state, time, air)
         use = [value / limit for value, limit in zip(values, self.loads, strict=True)]
         if self.drag_floor is not None:
             use.append((state[SPEED] <= self.drag_floor[1]) * self.floor_use(model, state, time))
@@ -111,7 +115,14 @@ class PathLimits:
         """Use of each no-fly zone at a point (rad)."""
         return [no_fly_zone(longitude, latitude, zone) for zone in self.no_fly_zones]
 
-    def use(self, model: FlightModel, state: Any, bank_rate: Any, time: Any) -> list[Any]:
-        """Use of every limit, in the order of `names`; `bank_rate` in rad/s."""
+    def use(
+        self,
+        model: FlightModel,
+        state: Any,
+        bank_rate: Any,
+        time: Any,
+        air: AirLoads | None = None,
+    ) -> list[Any]:
+        """Use of every limit, in the order of `names`; `bank_rate` in rad/s, `air` as of `path`."""
         control = [np.abs(state[BANK]) / self.bank_angle, np.abs(bank_rate) / self.bank_rate]
-        return [*self.path(model, state, time), *control]
+        return [*self.path(model, state, time, air), *control]

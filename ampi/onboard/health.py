@@ -43,3 +43,11 @@ class Health(Outcome):
         "last cycle.",
     )
     AFTER_FINAL_TIME = 8, "The reference has ended: the bank angle is held."
+
+
+class Steering(Outcome):
+    """By what a command steers: the mode of the flight software."""
+
+    TRACKED = 0, "The law tracks the reference."
+    REFERENCE = 1, "The reference's own bank rate is flown: there is no navigation to track it by."
+    HELD = 2, "The bank angle is held: the reference has ended, or nobody knows the time."

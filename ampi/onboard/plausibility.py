@@ -48,6 +48,36 @@ def numbers(value: Any, length: int) -> Array:
     return array if array.shape == (length,) else np.full(length, np.nan)
 
 
+def vectors(value: Any, length: int, n: int) -> tuple[Array, bool]:
+    """`value` (length,) of one flight or (length, n) as floats (length, n), and whether it is of one.
+
+    It is a copy; not-a-number all of it if it is something else.
+    """
+    try:
+        array = np.array(value, dtype=float)
+    except (TypeError, ValueError, OverflowError):
+        return np.full((length, n), np.nan), n == 1
+    if array.shape == (length, n):
+        return array, False
+    if array.shape == (length,) and n == 1:
+        return array[:, None], True
+    return np.full((length, n), np.nan), n == 1
+
+
+def rows(value: Any, length: int) -> Array:
+    """`value` (length,) of one flight or (n, length) as floats (n, length).
+
+    Not-a-number all of it if it is something else; of one flight, unless it has n rows.
+    """
+    try:
+        array = np.asarray(value, dtype=float)
+    except (TypeError, ValueError, OverflowError):
+        return np.full((1, length), np.nan)
+    if array.ndim != 2 or len(array) == 0:
+        return numbers(array, length)[None]
+    return array if array.shape[1] == length else np.full((len(array), length), np.nan)
+
+
 def number(value: Any) -> float:
     """`value` as a float; not-a-number if it is none, or more than one."""
     if isinstance(value, float):

@@ -39,7 +39,7 @@ class Row:
 
 @dataclass(frozen=True)
 class RowLayout:
-    """Rows in order; those of a kind stand side by side, and there is a gain for each state."""
+    """Rows in order; those of a kind stand side by side; gains, if any, are one for each state."""
 
     rows: tuple[Row, ...]
     states: slice = field(init=False)
@@ -54,7 +54,7 @@ class RowLayout:
             object.__setattr__(self, name, self.of(kind))
         object.__setattr__(self, "bank_rate", self.index("bank_rate"))
         expected = [f"{row.name}_gain" for row in self.rows[self.states]]
-        if names[self.gains] != expected:
+        if names[self.gains] not in ([], expected):
             raise ValueError(
                 f"layout: expected the rows {', '.join(expected)}, got {', '.join(names[self.gains])}"
             )
@@ -83,14 +83,8 @@ class RowLayout:
         return np.concatenate([parts[kind] for kind in kinds], axis=-2)
 
 
-def _tracked(*states: Row) -> RowLayout:
-    rate = Row("bank_rate", "rad/s", RowKind.CONTROL)
-    gains = (Row(f"{x.name}_gain", f"{rate.unit} per {x.unit}", RowKind.GAIN) for x in states)
-    return RowLayout((*states, rate, *gains))
-
-
-# States, control and the gains of a linear tracking law: what tables hold today.
-LINEAR_TRACKING = _tracked(
+BANK_RATE = Row("bank_rate", "rad/s", RowKind.CONTROL)
+STATES = (
     Row("altitude", "m", RowKind.STATE),
     Row("longitude", "rad", RowKind.STATE, is_circular=True),
     Row("latitude", "rad", RowKind.STATE),
@@ -99,4 +93,24 @@ LINEAR_TRACKING = _tracked(
     Row("azimuth", "rad", RowKind.STATE, is_circular=True),
     Row("bank_angle", "rad", RowKind.STATE, is_circular=True),
 )
-N_STATES = len(LINEAR_TRACKING.rows[LINEAR_TRACKING.states])
+N_STATES = len(STATES)
+# States, control and the gains of a linear tracking law: what files hold.
+LINEAR_TRACKING = RowLayout(
+    (
+        *STATES,
+        BANK_RATE,
+        *(Row(f"{x.name}_gain", f"{BANK_RATE.unit} per {x.unit}", RowKind.GAIN) for x in STATES),
+    )
+)
+# States, control and what a drag-tracking law must know of the air and the vehicle.
+DRAG_TRACKING = RowLayout(
+    (
+        *STATES,
+        BANK_RATE,
+        Row("log_drag", "ln(m/s²)", RowKind.LOAD),
+        Row("lift_to_drag", "1", RowKind.LOAD),
+        Row("drag_scale_height", "m", RowKind.LOAD),  # −1/(∂ ln D/∂h)
+        Row("drag_slope", "1/rad", RowKind.LOAD),  # ∂ ln D/∂α
+        Row("range_to_go", "m", RowKind.LOAD),  # over the great circle, to the end of the reference
+    )
+)

@@ -63,21 +63,23 @@ def aerodynamic_acceleration(model: FlightModel, state: Any, time: Any) -> tuple
     Components along the velocity over the ground, normal to it in the vertical plane and upwards, and
     horizontally to its right; in still air (−D, L cos σ, L sin σ). Arguments of `equations_of_motion`.
     """
-    return _acceleration(model, state, time, Track.of(state))
+    return _acceleration(model, state, time, Track.of(state), None)
 
 
-def _acceleration(model: FlightModel, state: Any, time: Any, track: Track) -> tuple[Any, Any, Any]:
+def _acceleration(
+    model: FlightModel, state: Any, time: Any, track: Track, air: AirLoads | None
+) -> tuple[Any, Any, Any]:
     if model.wind is None:
-        air = model._air_loads(state, time, state[SPEED])
+        air = air or model._air_loads(state, time, state[SPEED])
         return -air.drag, air.lift * np.cos(state[BANK]), air.lift * np.sin(state[BANK])
     through_air = AirVelocity.of(model.wind, state, track)
-    air = model._air_loads(state, time, through_air.speed)
+    air = air or model._air_loads(state, time, through_air.speed)
     lift_up, lift_right = air.lift * np.cos(state[BANK]), air.lift * np.sin(state[BANK])
     return through_air.along_the_track(air.drag, lift_up, lift_right, track)
 
 
 def equations_of_motion(
-    model: FlightModel, state: Any, bank_rate: Any, time: Any
+    model: FlightModel, state: Any, bank_rate: Any, time: Any, air: AirLoads | None = None
 ) -> tuple[Any, ...]:
     """Time derivatives of the seven states, Eq. (2).
 
@@ -91,6 +93,8 @@ def equations_of_motion(
         σ̇ (rad/s).
     time
         Time since the entry interface (s); the angle of attack may depend on it.
+    air
+        `model.air_loads` there, if they are known.
     """
     altitude, latitude, speed = state[ALTITUDE], state[LATITUDE], state[SPEED]
     radius = model.planet.equatorial_radius + altitude
@@ -99,7 +103,7 @@ def equations_of_motion(
     sin_fpa, cos_fpa, sin_azi, cos_azi = track.sin_fpa, track.cos_fpa, track.sin_azi, track.cos_azi
     tan_fpa, tan_lat = sin_fpa / cos_fpa, sin_lat / cos_lat
 
-    along, up, right = _acceleration(model, state, time, track)
+    along, up, right = _acceleration(model, state, time, track, air)
     g = gravity(model.planet, radius, latitude)
     omega = model.planet.rotation_rate
     centrifugal = omega * omega * radius * cos_lat

@@ -23,11 +23,17 @@ import numpy as np
 
 from ampi.physics.equations_of_motion import FlightModel
 from ampi.physics.planet import haversine
+from ampi.physics.vehicle import AirLoads
 
 
-def path_constraints(model: FlightModel, state: Any, time: Any) -> tuple[Any, Any, Any]:
-    """(q in Pa, Q̇ in W/m², n_z in g) at `state` (h, θ, φ, V, γ, ψ, σ; SI, rad) and `time` (s)."""
-    air = model.air_loads(state, time)
+def path_constraints(
+    model: FlightModel, state: Any, time: Any, air: AirLoads | None = None
+) -> tuple[Any, Any, Any]:
+    """(q in Pa, Q̇ in W/m², n_z in g) at `state` (h, θ, φ, V, γ, ψ, σ; SI, rad) and `time` (s).
+
+    `air` are the model's air loads there, if they are known.
+    """
+    air = air or model.air_loads(state, time)
     pressure = 0.5 * air.density * air.speed * air.speed
     heat_flux = (
         model.vehicle.heat_flux_constant

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -88,8 +88,7 @@ class Vehicle:
             )
 
 
-@dataclass(frozen=True)
-class AirLoads:
+class AirLoads(NamedTuple):
     """Specific aerodynamic loads at a flight condition: lift and drag (m/s²), ρ, α, speed in the air."""
 
     lift: Any

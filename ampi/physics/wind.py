@@ -25,7 +25,7 @@ In still air f = V cos γ, s = 0 and A = V, and (3) is (−D, L cos σ, L sin σ
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
@@ -52,8 +52,7 @@ class ConstantWind:
         return self.east, self.north
 
 
-@dataclass(frozen=True)
-class Track:
+class Track(NamedTuple):
     """Direction of the velocity over the ground."""
 
     sin_fpa: Any

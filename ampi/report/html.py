@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from importlib import resources
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from jinja2 import Environment, StrictUndefined
@@ -14,12 +15,25 @@ from ampi.missions.mission import Mission
 from ampi.onboard.reference import Mode
 from ampi.onboard.table import GuidanceTable
 from ampi.outputs import written
-from ampi.report.exhibits import Exhibit, campaign_exhibits, database_exhibits
+from ampi.report.exhibits import (
+    Exhibit,
+    campaign_exhibits,
+    database_exhibits,
+    scheme_exhibits,
+)
 from ampi.report.figures.database import with_optimum
 from ampi.report.figures.style import data_uri, image_bytes
-from ampi.report.published import is_of_the_paper, is_shipped
+from ampi.report.plain_tables import axes_table, dispersions_table, drawn_by_world, provenance
+from ampi.report.published import PAPER_LAW, is_of_the_paper, is_shipped
 from ampi.report.quantities import DEGREES, KILO
-from ampi.report.verdict_tables import coincident, verdict_tables
+from ampi.report.scheme_groups import SchemeGroup, scheme_groups
+from ampi.report.schemes_table import schemes_table
+from ampi.report.verdict_tables import (
+    VerdictTable,
+    coincident,
+    is_like_the_paper,
+    verdict_tables,
+)
 from ampi.simulation.flights import Flights
 
 TEMPLATE = "report.html.j2"
@@ -61,7 +75,7 @@ def write_report(
     mission, table
         What was flown, and from which table.
     campaigns
-        Name → flights; each name becomes a column.
+        Name → flights, of any laws, references and worlds.
     extra
         Provenance: versions, git revision, database file, date.
     notices
@@ -76,29 +90,62 @@ def write_report(
     """
     if not campaigns:
         raise ValueError("campaigns: expected at least one campaign of flights, got none")
-    of_the_paper = is_of_the_paper(mission)
     environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True)
     text = resources.files("ampi.report").joinpath(TEMPLATE).read_text(encoding="utf-8")
     page = environment.from_string(text).render(
-        title=f"{mission.title}: entry guidance by pseudospectral interpolation",
-        statement=mission_statement(mission, table),
-        surrogate=is_shipped(mission) and "surrogate" in mission.title.lower(),
-        compared_with_paper=of_the_paper,
-        provenance={**_draws(campaigns), **extra},
+        **_content(mission, table, campaigns),
+        provenance={**provenance(campaigns), **extra},
         notices=notices,
-        modes={name: MODE_SENTENCES[f.mode] for name, f in campaigns.items()},
-        coincident=coincident(campaigns),
-        tables=verdict_tables(mission, campaigns),
-        axes=axes_table(mission),
-        dispersions=dispersions_table(mission, campaigns),
         audit=audit or {},
-        campaign_pictures=_drawn(campaign_exhibits(mission, campaigns), of_the_paper),
-        database_pictures=_drawn(database_exhibits(mission, table), of_the_paper),
     )
     target = Path(path)
     with written(target) as temporary:
         temporary.write_text(page, encoding="utf-8")
     return target
+
+
+def _content(
+    mission: Mission, table: GuidanceTable, campaigns: Mapping[str, Flights]
+) -> dict[str, Any]:
+    """What the template shows of the database and the flights, by its names there."""
+    of_the_paper = is_of_the_paper(mission)
+    groups = scheme_groups(campaigns)
+    return {
+        "title": f"{mission.title}: entry guidance by pseudospectral interpolation",
+        "statement": mission_statement(mission, table),
+        "surrogate": is_shipped(mission) and "surrogate" in mission.title.lower(),
+        "compared_with_paper": any(is_like_the_paper(mission, g.campaigns) for g in groups),
+        "other_tracker": PAPER_LAW not in {flights.law for flights in campaigns.values()},
+        "modes": _sentences(groups),
+        "coincident": coincident(campaigns),
+        "schemes": schemes_table(campaigns),
+        "scheme_pictures": _drawn(scheme_exhibits(mission, campaigns), of_the_paper),
+        "details": _details(mission, groups),
+        "axes": axes_table(mission),
+        "dispersions": dispersions_table(mission, campaigns),
+        "drawn": drawn_by_world(campaigns),
+        "campaign_pictures": _drawn(campaign_exhibits(mission, campaigns), of_the_paper),
+        "database_pictures": _drawn(database_exhibits(mission, table), of_the_paper),
+    }
+
+
+def _sentences(groups: Sequence[SchemeGroup]) -> dict[str, str]:
+    """What each reference is, by its label."""
+    return {
+        label: MODE_SENTENCES[flights.mode]
+        for group in groups
+        for label, flights in group.campaigns.items()
+    }
+
+
+def _details(
+    mission: Mission, groups: Sequence[SchemeGroup]
+) -> dict[str, tuple[VerdictTable, ...]]:
+    """Heading → tables, a group each; of one group no heading."""
+    return {
+        group.title if len(groups) > 1 else "": verdict_tables(mission, group.campaigns)
+        for group in groups
+    }
 
 
 def mission_statement(mission: Mission, table: GuidanceTable) -> str:
@@ -110,68 +157,10 @@ def mission_statement(mission: Mission, table: GuidanceTable) -> str:
         f"{entry.speed:.0f} m/s with a flight-path angle of "
         f"{entry.flight_path_angle * DEGREES:.2f}° and shall arrive at "
         f"{target.latitude * DEGREES:.2f}° latitude, {target.longitude * DEGREES:.2f}° longitude, "
-        f"{target.altitude * KILO:.1f} km altitude with {target.speed:.0f} m/s, steered by bank "
-        f"angle alone. Guidance interpolates {optima} optimal trajectories, stored "
-        f"at {table.conversion.shape[0]} nodes each, over {len(table.axes)} parameters."
+        f"{target.altitude * KILO:.1f} km altitude with {target.speed:.0f} m/s. Guidance "
+        f"interpolates {optima} optimal trajectories, steered by bank angle alone and stored at "
+        f"{table.conversion.shape[0]} nodes each, over {len(table.axes)} parameters."
     )
-
-
-@dataclass(frozen=True)
-class PlainTable:
-    """Words in rows, the first cell of each a header."""
-
-    heads: tuple[str, ...]
-    rows: tuple[tuple[str, ...], ...]
-
-
-def axes_table(mission: Mission) -> PlainTable:
-    """The grid: each parameter, its nominal value and its offsets, in the unit of its key."""
-    rows = []
-    for parameter in mission.parameters:
-        nominal = parameter.number.nominal / parameter.number.per_unit
-        offsets = ", ".join(f"{offset:+g}" if offset else "0" for offset in parameter.offsets)
-        rows.append((parameter.key, f"{nominal:.9g}", offsets, str(len(parameter.offsets))))
-    return PlainTable(("Parameter", "Nominal", "Offsets", "Points"), tuple(rows))
-
-
-def dispersions_table(mission: Mission, campaigns: Mapping[str, Flights]) -> PlainTable:
-    """The law and what came of it, as offsets from the nominal value; once for campaigns that share."""
-    sharing: dict[bytes, list[str]] = {}
-    for name, flights in campaigns.items():
-        sharing.setdefault(flights.parameters.tobytes(), []).append(name)
-    rows: list[tuple[str, ...]] = []
-    for names in sharing.values():
-        flights = campaigns[names[0]]
-        law = flights.dispersions
-        centre = law.centre or (0.0,) * len(law.half_widths)
-        for i, parameter in enumerate(mission.parameters):
-            own = parameter.number
-            drawn = (flights.parameters[:, i] - own.nominal) / own.per_unit
-            inside = (drawn >= parameter.offsets[0]) & (drawn <= parameter.offsets[-1])
-            numbers = (
-                centre[i] / own.per_unit,
-                law.half_widths[i] / own.per_unit,
-                *(drawn.min(), drawn.mean(), drawn.max()),
-            )
-            label = parameter.key if len(sharing) == 1 else f"{parameter.key}: {', '.join(names)}"
-            share = f"{100.0 * float(np.mean(inside)):.1f} %"
-            rows.append((label, law.distribution, *(f"{n:.4g}" for n in numbers), share))
-    heads = ("Centre", "Half width", "Least drawn", "Mean drawn", "Greatest drawn", "On the axis")
-    return PlainTable(("Parameter", "Distribution", *heads), tuple(rows))
-
-
-def _draws(campaigns: Mapping[str, Flights]) -> dict[str, str]:
-    """Provenance that the campaigns carry themselves."""
-
-    def each(values: Iterable[object]) -> str:
-        return ", ".join(dict.fromkeys(str(value) for value in values))
-
-    flights = campaigns.values()
-    return {
-        "Mission": each(f.mission for f in flights),
-        "Flights per campaign": each(f.n for f in flights),
-        "Seed": each(f.seed for f in flights),
-    }
 
 
 def _drawn(exhibits: tuple[Exhibit, ...], of_the_paper: bool) -> list[Picture]:

@@ -9,6 +9,8 @@ from ampi.missions.loading import load_mission, shipped_missions
 from ampi.missions.mission import Mission
 
 PAPER_MISSION = "shefex3"
+PAPER_WORLD = "entry"  # Eq. (34)
+PAPER_LAW = "drag_sliding_mode"  # the kind of its tracker
 # what makes a mission the one of its name; grid, mesh and optimum are the user's
 _PHYSICAL = {"name", "planet", "atmosphere", "vehicle", "entry", "target", "limits", "no_fly_zone"}
 PAPER_FLIGHTS = 1000

@@ -14,10 +14,11 @@ import numpy as np
 
 from ampi.missions.mission import Mission
 from ampi.onboard.reference import Mode
-from ampi.report.published import PAPER, PAPER_FLIGHTS, Printed, is_of_the_paper
+from ampi.report.published import PAPER, PAPER_FLIGHTS, PAPER_WORLD, Printed, is_of_the_paper
 from ampi.report.quantities import KILO
-from ampi.simulation.closed_loop import FlightStatus
+from ampi.report.scheme_groups import words
 from ampi.simulation.flights import Flights
+from ampi.simulation.plant import FlightStatus
 from ampi.simulation.statistics import (
     TABLE_5_RADII,
     Fraction,
@@ -51,6 +52,11 @@ class Group:
     quantities: tuple[str, ...]
     cells: Mapping[str, tuple[Cell, ...]]  # column label → one cell per quantity
 
+    @property
+    def width(self) -> int:
+        """Number of quantities."""
+        return len(self.quantities)
+
 
 @dataclass(frozen=True)
 class VerdictTable:
@@ -71,7 +77,7 @@ class VerdictTable:
 def verdict_tables(mission: Mission, campaigns: Mapping[str, Flights]) -> tuple[VerdictTable, ...]:
     """Judge every campaign and set the verdicts side by side."""
     verdicts = {name: judge(flights) for name, flights in campaigns.items()}
-    paper = PAPER if is_of_the_paper(mission) else ()
+    paper = PAPER if is_like_the_paper(mission, campaigns) else ()
     flown, printed = tuple(campaigns), tuple(p.label for p in paper)
     distances = (_rings(verdicts, paper), _within(verdicts, paper))
     return (
@@ -108,12 +114,17 @@ def verdict_tables(mission: Mission, campaigns: Mapping[str, Flights]) -> tuple[
         ),
         VerdictTable(
             "Limits, hypercube and failures",
-            "Limits are read at every guidance cycle. Nominal tracking does not look at the "
-            "hypercube.",
+            "Limits are read at every plant step. Nominal tracking does not look at the hypercube.",
             _health(campaigns, verdicts),
             flown,
         ),
     )
+
+
+def is_like_the_paper(mission: Mission, campaigns: Mapping[str, Flights]) -> bool:
+    """Whether the paper's numbers may stand beside these: its mission, in the world that it flew in."""
+    in_its_world = all(flights.world == PAPER_WORLD for flights in campaigns.values())
+    return in_its_world and is_of_the_paper(mission)
 
 
 def requirement(mission: Mission) -> str:
@@ -173,7 +184,7 @@ def _passed(verdicts: Mapping[str, Verdict]) -> tuple[Group, ...]:
         ),
         Group(
             "Failed by, flights",
-            tuple(map(_words, reasons)),
+            tuple(map(words, reasons)),
             {
                 name: tuple(Cell(str(v.failed_by[reason].count)) for reason in reasons)
                 for name, v in verdicts.items()
@@ -247,7 +258,7 @@ def _ratio(flights: Flights, campaigns: Mapping[str, Flights]) -> Cell:
 
 def _health(campaigns: Mapping[str, Flights], verdicts: Mapping[str, Verdict]) -> tuple[Group, ...]:
     shares, peaks, failures = {}, {}, {}
-    failed = {s: _words(s.name) for s in FlightStatus if s is not FlightStatus.REACHED_SPEED}
+    failed = {s: words(s.name) for s in FlightStatus if s is not FlightStatus.REACHED_SPEED}
     for name, v in verdicts.items():
         flights = campaigns[name]
         outside = Cell(NOTHING) if flights.mode is Mode.NOMINAL else Cell.of(v.clipped)
@@ -263,11 +274,6 @@ def _health(campaigns: Mapping[str, Flights], verdicts: Mapping[str, Verdict]) -
             ("target speed reached", "all limits kept", "outside hypercube"),
             shares,
         ),
-        Group("Worst use of a limit, %", tuple(map(_words, loads)), peaks),
+        Group("Worst use of a limit, %", tuple(map(words, loads)), peaks),
         Group("Failures, flights", tuple(failed.values()), failures),
     )
-
-
-def _words(name: str) -> str:
-    """A name of the code as a reader writes it."""
-    return name.lower().replace("_", " ")

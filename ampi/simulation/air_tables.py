@@ -1,10 +1,10 @@
 """Tables of the air: density and wind over altitude, one profile, or one in each row to draw from.
 
 A table over altitude has the columns altitude_m and factor (of [density]) or altitude_m, east_m_per_s
-and north_m_per_s (of [wind]). A table of draws has a profile in each row: density_<z>km, a factor on the
-density of the mission, and wind_east_<z>km, wind_north_<z>km (m/s) at altitudes z; columns that do not
-end in km tell where a row is from. Between altitudes wind and ln density are linear; beyond the ends
-they are constant.
+and north_m_per_s (of [wind]). A table of draws has a profile in each row: density_<z>km, the density
+over US76's, and wind_east_<z>km, wind_north_<z>km (m/s) at altitudes z; columns that do not end in km
+tell where a row is from. Draws are of the air itself: for a mission with air of its own they become
+factors on that. Between altitudes wind and ln density are linear; beyond the ends they are constant.
 """
 
 from __future__ import annotations
@@ -16,15 +16,18 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from ampi.physics.atmosphere import StandardAtmosphere1976
 from ampi.simulation.csv_table import CsvTable, rows_of
 from ampi.simulation.distributions import rows_at
-from ampi.simulation.profiles import on_altitudes
+from ampi.simulation.nrlmsis import NrlmsisConditions, nrlmsis_density
+from ampi.simulation.profiles import ALTITUDES, on_altitudes
 
 Array = NDArray[np.float64]
 
 LAST_DAYS = np.cumsum(
     [31, 28, 31, 30, 31, 30, 31, 31, 30, 31, 30, 32]
 )  # of the months; day 366 too
+NRLMSIS = "NRLMSIS"  # in place of the name of a file
 DRAWN_COLUMNS = ("density", "wind_east", "wind_north")
 
 
@@ -93,6 +96,19 @@ def drawn_air(table: CsvTable) -> AirTable:
     if "wind_east" in values:
         wind = on_altitudes(altitudes, np.stack([values[name] for name in DRAWN_COLUMNS[1:]]))
     return AirTable(table.file, altitudes[0], altitudes[-1], log_density, wind)
+
+
+def nrlmsis_table(conditions: NrlmsisConditions) -> CsvTable:
+    """The density of a day and a place over US76's, as the one row of a table of draws.
+
+    Raises
+    ------
+    ValueError
+        If pymsis is not installed.
+    """
+    ratio = nrlmsis_density(conditions, ALTITUDES) / StandardAtmosphere1976().density(ALTITUDES)
+    columns = tuple(f"density_{altitude / 1e3:g}km" for altitude in ALTITUDES)
+    return CsvTable(NRLMSIS, columns, ratio[None])
 
 
 def density_of(tables: Iterable[AirTable], uniforms: Mapping[str, Array], n: int) -> Array | None:

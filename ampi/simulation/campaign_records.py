@@ -238,16 +238,15 @@ class CampaignRecords:
             raise CampaignError(
                 f"{folder}: neither {' nor '.join(COPIES)} can be read, so nobody knows what its "
                 f"{count} finished batches belong to; put one of the two back, choose another path, or "
-                "start afresh with resume off"
+                "start afresh (resume=False, --force)"
             )
         if found is not None:
-            gone = sorted(found.keys() - self.identity.keys())
-            different = differences(found, {**self.identity, **dict.fromkeys(gone, "none")})
+            different = _differing(found, self.identity)
             if different:
                 raise CampaignError(
                     f"{folder} holds results of another campaign (different {', '.join(different)}); "
-                    "finish that one as it was begun, choose another path, or delete the folder to "
-                    "start afresh"
+                    "finish that one as it was begun, choose another path, or start afresh "
+                    "(resume=False, --force)"
                 )
         else:
             _discard(folder)
@@ -255,12 +254,30 @@ class CampaignRecords:
 
 
 def is_flown(path: str | Path, identity: Mapping[str, str]) -> bool:
-    """Whether `path` is a whole file of flights, merged under this identity by this software."""
+    """Whether `path` is a whole file of flights, merged under this identity by this software.
+
+    Raises
+    ------
+    CampaignError
+        If it holds other flights: they would be lost.
+    """
     path = Path(path)
     if not path.is_file() or partial_folder(path).is_dir() or not SEAL.holds(path):
         return False
     with opened(path) as file:
-        return bool(file.attrs.get(IDENTITY) == _words({**identity, **software()}))
+        found = json.loads(file.attrs.get(IDENTITY, "{}"))
+    different = _differing(found, {**identity, **software()})
+    if different:
+        raise CampaignError(
+            f"{path} holds results of another campaign (different {', '.join(different)}); nothing was "
+            "overwritten: choose another path, or start afresh (resume=False, --force)"
+        )
+    return True
+
+
+def _differing(found: Mapping[str, str], identity: Mapping[str, str]) -> list[str]:
+    gone = sorted(found.keys() - identity.keys())
+    return differences(found, {**identity, **dict.fromkeys(gone, "none")})
 
 
 def _words(identity: Mapping[str, str]) -> str:

@@ -3,81 +3,109 @@
 from __future__ import annotations
 
 import csv
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ampi.missions.mission import Mission
+from ampi.missions.units import si_key
 from ampi.outputs import written
-from ampi.simulation.closed_loop import FlightStatus
+from ampi.simulation.estimates.failures import FailureClass
 from ampi.simulation.flights import Flights
+from ampi.simulation.plant import FlightStatus
+from ampi.simulation.uncertainties import CATALOGUE
+
+ENDS = {  # of the numbers of a flight: column → name in `Flights`
+    "miss_m": "miss",
+    "along_m": "along",
+    "across_m": "across",
+    "altitude_error_m": "altitude_error",
+    "speed_error_m_per_s": "speed_error",
+    "final_time_s": "final_time",
+    "saturated_share": "saturation",
+    "bank_activity_rad": "activity",
+    "rebound_m": "rebound",
+    "distance_at_entry_m": "distance",
+    "least_range_m": "least_range",
+    "greatest_range_m": "greatest_range",
+}
 
 
 def write_flights_csv(path: str | Path, mission: Mission, campaigns: Mapping[str, Flights]) -> None:
     """Write campaigns (name → flights of `mission`) as CSV.
 
-    Parameters stand in the units of the mission's grid, peaks as shares of their limits; a flight that
-    has not passed names every reason. What is not known of a flight is `nan`.
+    Parameters stand in the units of the mission's grid, what else was uncertain in any of the campaigns
+    in SI units, peaks as shares of their limits; a flight that has not passed has a class of failure and
+    names every reason. What is not known of a flight is `nan`.
     """
-    limits = next((flights.limits for flights in campaigns.values()), ())
     for name, flights in campaigns.items():
         if flights.mission_sha256 != mission.digest:
             raise ValueError(
                 f"campaigns: expected flights of {mission.name}, got {name} of {flights.mission}, "
                 "or of an earlier version of it"
             )
-    header = [
-        "campaign",
-        "flight",
-        *(parameter.key for parameter in mission.parameters),
-        "outside_hypercube",
-        "in_a_hole",
-        "status",
-        "passed",
-        "failed_by",
-        "miss_m",
-        "along_m",
-        "across_m",
-        "altitude_error_m",
-        "speed_error_m_per_s",
-        "final_time_s",
-        *(f"peak_{limit}_over_limit" for limit in limits),
-    ]
+    varied = _varied(list(campaigns.values()))
+    tables = [_columns(name, mission, flights, varied) for name, flights in campaigns.items()]
     with (
         written(path) as temporary,
         temporary.open("w", newline="", encoding="utf-8") as file,
     ):
         writer = csv.writer(file)
-        writer.writerow(header)
-        for name, flights in campaigns.items():
-            writer.writerows(_rows(name, mission, flights))
+        writer.writerow(tables[0] if tables else [])
+        for columns in tables:
+            writer.writerows(zip(*columns.values(), strict=True))
 
 
-def _rows(name: str, mission: Mission, flights: Flights) -> Iterator[list[str]]:
-    parameters = flights.parameters / [p.number.per_unit for p in mission.parameters]
-    numbers = np.column_stack(
-        [
-            flights.miss,
-            flights.along,
-            flights.across,
-            flights.altitude_error,
-            flights.speed_error,
-            flights.final_time,
-            flights.peak,
-        ]
-    )
+def _varied(campaigns: Sequence[Flights]) -> dict[str, int]:
+    """Column, with its unit, and place in the catalogue of all that is not nominal in every flight."""
+    found = {}
+    for i, uncertainty in enumerate(CATALOGUE):
+        if any(np.any(flights.numbers[:, i] != uncertainty.nominal) for flights in campaigns):
+            dimension = uncertainty.dimension
+            unit = "" if dimension is None else f"_{si_key(dimension)}"
+            found[uncertainty.name + unit] = i
+    return found
+
+
+def _columns(
+    name: str, mission: Mission, flights: Flights, varied: Mapping[str, int]
+) -> dict[str, list[str]]:
+    """Header → values of all flights of a campaign."""
+    of_all = {
+        "campaign": name,
+        "law": flights.law,
+        "reference": flights.mode.value,
+        "world": flights.world,
+    }
     faults = flights.faults
-    for i in range(flights.n):
-        reasons = [reason for reason, failed in faults.items() if failed[i]]
-        yield [
-            name,
-            str(i),
-            *(f"{value:.12g}" for value in parameters[i]),
-            "yes" if flights.clipped[i] else "no",
-            "yes" if flights.hole[i] else "no",
-            FlightStatus(flights.status[i]).name,
-            "no" if reasons else "yes",
-            ";".join(reasons),
-            *(f"{value:.10g}" for value in numbers[i]),
-        ]
+    reasons = [[why for why, failed in faults.items() if failed[i]] for i in range(flights.n)]
+    return {
+        **{column: [word] * flights.n for column, word in of_all.items()},
+        "flight": [str(i) for i in range(flights.n)],
+        **{
+            parameter.key: _decimal(flights.parameters[:, i] / parameter.number.per_unit, 12)
+            for i, parameter in enumerate(mission.parameters)
+        },
+        **{column: _decimal(flights.numbers[:, i], 12) for column, i in varied.items()},
+        "outside_hypercube": _yes_or_no(flights.clipped),
+        "in_a_hole": _yes_or_no(flights.hole),
+        "status": [FlightStatus(status).name for status in flights.status],
+        "passed": _yes_or_no(flights.passed),
+        "failure": [FailureClass(kind).name for kind in flights.failures],
+        "failed_by": [";".join(why) for why in reasons],
+        **{column: _decimal(getattr(flights, own), 10) for column, own in ENDS.items()},
+        **{
+            f"peak_{limit}_over_limit": _decimal(flights.peak[:, i], 10)
+            for i, limit in enumerate(flights.limits)
+        },
+    }
+
+
+def _decimal(values: NDArray[np.float64], digits: int) -> list[str]:
+    return [f"{value:.{digits}g}" for value in values]
+
+
+def _yes_or_no(values: NDArray[np.bool_]) -> list[str]:
+    return ["yes" if value else "no" for value in values]

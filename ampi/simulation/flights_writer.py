@@ -101,7 +101,7 @@ def _writing(group: h5py.Group, content: Content) -> Iterator[None]:
     for name, size in layout.sizes.items():
         if name == FLIGHT:
             continue
-        labels = np.array(LABELS[name], "S20") if name in LABELS else np.arange(size)
+        labels = LABELS.get(name, np.arange(size))
         shared.setdefault(name, labels)
     for name, values in shared.items():
         group[name][...] = values

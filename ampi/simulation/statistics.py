@@ -7,7 +7,7 @@ draws carries a paired bootstrap interval.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, fields, is_dataclass
 from itertools import pairwise
 from typing import Any
@@ -17,27 +17,24 @@ from numpy.typing import NDArray
 
 from ampi.onboard.reference import Mode
 from ampi.simulation.estimates.bootstrap import Estimate, mean_of
-from ampi.simulation.estimates.ellipses import (
-    ELLIPSE,
-    Ellipse,
-    containing_ellipse,
-    ellipse_area,
-)
+from ampi.simulation.estimates.ellipses import Ellipse, containing_ellipse, ellipse_area
 from ampi.simulation.estimates.failures import counts
+from ampi.simulation.estimates.paired import Flown, PairedDifference, paired
 from ampi.simulation.estimates.proportions import Fraction
 from ampi.simulation.estimates.spreads import Sizes, Spread
 from ampi.simulation.flights import Flights
 
 __all__ = [
-    "ELLIPSE",
     "TABLE_5_RADII",
     "AreaRatio",
     "Fraction",
     "Spread",
     "Verdict",
+    "as_plain",
     "ellipse_area",
     "footprint_ratio",
     "judge",
+    "paired_with_nominal",
     "ratio_to_nominal",
 ]
 
@@ -45,6 +42,7 @@ Array = NDArray[np.float64]
 
 BOOTSTRAPS = 2000
 FEWEST_FOR_RATIO = 30  # flights; below it the bootstrap draws degenerate ellipses
+MEANS = ("saturation", "activity")  # of `Flights`, numbers that every flight has
 TABLE_5_RADII = (25e3, 50e3, 75e3)  # m, Sagliano et al. 2016, Table 5
 
 
@@ -52,7 +50,9 @@ TABLE_5_RADII = (25e3, 50e3, 75e3)  # m, Sagliano et al. 2016, Table 5
 class Verdict:
     """One campaign, judged."""
 
+    law: str
     mode: str
+    world: str
     n: int
     passed: Fraction  # within every tolerance of the mission, with every limit kept
     failed_by: dict[str, Fraction]  # reason (`Flights.faults`) → flights; one may have several
@@ -69,34 +69,27 @@ class Verdict:
     limits_kept: Fraction
     footprint_area: float  # m²
     containment: Ellipse | None  # holds 95 % of all flights; None: too few arrived, or on a line
-    classes: dict[str, Fraction] | None  # `FailureClass` → flights, all told; None: not classified
-    means: dict[str, Estimate]  # of numbers that every flight has: saturation, activity
+    classes: dict[str, Fraction]  # `FailureClass` → flights, all told
+    means: dict[str, Estimate]  # `MEANS`: share of the cycles; rad
 
     def as_dict(self) -> dict[str, Any]:
         """Plain numbers for JSON."""
-
-        def plain(value: Any) -> Any:
-            if is_dataclass(value):
-                return {field.name: plain(getattr(value, field.name)) for field in fields(value)}
-            if isinstance(value, dict):
-                return {str(k): plain(v) for k, v in value.items()}
-            if isinstance(value, tuple):
-                return [plain(v) for v in value]
-            return value
-
-        return {k: plain(v) for k, v in vars(self).items()}
+        return {name: as_plain(value) for name, value in vars(self).items()}
 
 
-def judge(
-    flights: Flights,
-    *,
-    classes: NDArray[np.int64] | None = None,
-    per_flight: Mapping[str, Array] | None = None,
-) -> Verdict:
-    """Statistics of one campaign. A flight that did not reach the target speed is in no circle.
+def as_plain(value: Any) -> Any:
+    """Estimates, whatever holds them, as what JSON has: objects, lists, numbers and words."""
+    if is_dataclass(value):
+        return {field.name: as_plain(getattr(value, field.name)) for field in fields(value)}
+    if isinstance(value, Mapping):
+        return {str(key): as_plain(item) for key, item in value.items()}
+    if isinstance(value, tuple):
+        return [as_plain(item) for item in value]
+    return value
 
-    `classes` (n,), of `failures.classify`; `per_flight`: name → (n,) numbers whose means are asked.
-    """
+
+def judge(flights: Flights) -> Verdict:
+    """Statistics of one campaign. A flight that did not reach the target speed is in no circle."""
     if not isinstance(flights, Flights):
         raise ValueError(f"flights: expected Flights, from ampi.fly, got {flights!r:.60}")
     good = flights.reached
@@ -108,7 +101,9 @@ def judge(
     )
     faults = flights.faults
     return Verdict(
+        law=flights.law,
         mode=flights.mode.value,
+        world=flights.world,
         n=flights.n,
         passed=Fraction.of(flights.passed),
         failed_by={reason: Fraction.of(failed) for reason, failed in faults.items()},
@@ -125,8 +120,8 @@ def judge(
         limits_kept=Fraction.of(~np.any([faults[name] for name in flights.limits], axis=0)),
         footprint_area=ellipse_area(flights.along[good], flights.across[good]),
         containment=containing_ellipse(*np.where(good, (flights.across, flights.along), np.nan)),
-        classes=None if classes is None else {k.name: f for k, f in counts(classes).items()},
-        means={name: mean_of(values) for name, values in (per_flight or {}).items()},
+        classes={kind.name: share for kind, share in counts(flights.failures).items()},
+        means={name: mean_of(getattr(flights, name)) for name in MEANS},
     )
 
 
@@ -171,12 +166,43 @@ def footprint_ratio(flights: Flights, baseline: Flights) -> AreaRatio:
 def ratio_to_nominal(flights: Flights, campaigns: Mapping[str, Flights]) -> AreaRatio | None:
     """Footprint over that of nominal tracking among `campaigns`.
 
-    None where nominal tracking was not flown, not on the same draws, or too few flights reached both.
+    None where nominal tracking was not flown on the same draws, or too few flights reached both.
     """
-    baseline = next((f for f in campaigns.values() if f.mode is Mode.NOMINAL), None)
-    if baseline is None or flights is baseline:
-        return None
-    same = np.array_equal(flights.parameters, baseline.parameters)
-    if not same or np.count_nonzero(flights.reached & baseline.reached) < FEWEST_FOR_RATIO:
+    baseline = _nominal_beside(flights, campaigns)
+    if baseline is None or np.count_nonzero(flights.reached & baseline.reached) < FEWEST_FOR_RATIO:
         return None
     return footprint_ratio(flights, baseline)
+
+
+def paired_with_nominal(
+    flights: Flights, campaigns: Mapping[str, Flights], radii: Iterable[float]
+) -> PairedDifference | None:
+    """Misses less those of nominal tracking among `campaigns`, flight by flight; `radii` in m.
+
+    None where nominal tracking was not flown on the same draws.
+    """
+    baseline = _nominal_beside(flights, campaigns)
+    if baseline is None:
+        return None
+    one, other = (
+        Flown(f.parameters, np.where(f.reached, f.miss, np.inf)) for f in (flights, baseline)
+    )
+    return paired(one, other, radii)
+
+
+def _nominal_beside(flights: Flights, campaigns: Mapping[str, Flights]) -> Flights | None:
+    """What differs in the reference alone: nominal tracking by the same law, of the same draws."""
+    if flights.mode is Mode.NOMINAL:
+        return None
+    return next((f for f in campaigns.values() if _is_nominal_of(f, flights)), None)
+
+
+def _is_nominal_of(other: Flights, flights: Flights) -> bool:
+    alike = ("law", "cycle", "world_sha256", "seed", "pool")
+    return (
+        other.mode is Mode.NOMINAL
+        and all(getattr(other, name) == getattr(flights, name) for name in alike)
+        and np.array_equal(other.parameters, flights.parameters)
+        and np.array_equal(other.numbers, flights.numbers)
+        and np.array_equal(other.seeds, flights.seeds)
+    )

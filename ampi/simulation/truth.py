@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -59,32 +58,4 @@ class Truth:
             None if self.density is None else self.density[flights],
             None if self.wind is None else self.wind[:, flights],
             self.seeds[flights],
-        )
-
-    @classmethod
-    def joined(cls, batches: Sequence[Truth]) -> Truth:
-        """The flights of several batches of one world, in their order.
-
-        Raises
-        ------
-        ValueError
-            If there are none, or some have a profile that others have not.
-        """
-        if not batches:
-            raise ValueError("batches: expected one or more, got none")
-        densities = [batch.density for batch in batches if batch.density is not None]
-        winds = [batch.wind for batch in batches if batch.wind is not None]
-        for name, given in (("density", densities), ("wind", winds)):
-            if len(given) not in (0, len(batches)):
-                raise ValueError(
-                    f"{name}: expected batches of one world, all with a profile or none, got "
-                    f"{len(given)} of {len(batches)}"
-                )
-        return cls(
-            np.concatenate([batch.parameters for batch in batches]),
-            {name: np.concatenate([b.numbers[name] for b in batches]) for name in BY_NAME},
-            batches[0].altitudes,
-            np.concatenate(densities) if densities else None,
-            np.concatenate(winds, axis=1) if winds else None,
-            np.concatenate([batch.seeds for batch in batches]),
         )

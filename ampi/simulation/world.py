@@ -19,7 +19,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from ampi.missions.mission import Mission
 from ampi.missions.text import toml_text
+from ampi.physics.atmosphere import StandardAtmosphere1976
 from ampi.simulation.air_tables import (
+    NRLMSIS,
     AirTable,
     density_of,
     density_over_altitude,
@@ -71,6 +73,23 @@ class World:
     def name(self) -> str:
         """Its name, as in its file."""
         return self.sections.name
+
+    @property
+    def title(self) -> str:
+        """Its title, as in its file."""
+        return self.sections.title
+
+    @property
+    def profiles(self) -> tuple[str, ...]:
+        """Which profiles over altitude every `truth` has: "density", "wind", both or none."""
+        winds = ("wind_east", "wind_north", "wind_noise")
+        density = any(air.log_density is not None for air in self._air)
+        wind = any(air.wind is not None for air in self._air)
+        has = {
+            "density": density or self._varies("density_noise"),
+            "wind": wind or self._varies(*winds),
+        }
+        return tuple(name for name, is_there in has.items() if is_there)
 
     @cached_property
     def toml(self) -> str:
@@ -151,7 +170,7 @@ class World:
             np.column_stack([np.empty((len(given), 0)), *map(values, parameters)]),
             numbers,
             ALTITUDES,
-            self._density(numbers, columns),
+            self._density(numbers, columns, mission),
             self._wind(numbers, columns),
             seeds_of(columns.get(SENSOR_SEED, unread)),
         )
@@ -170,6 +189,11 @@ class World:
             rows = self._kept_tables[draws.table].values.shape[0]
             months = f", months {', '.join(map(str, draws.months))}" if draws.months else ""
             lines.append(f"air: one of {rows} rows of {draws.table}{months}")
+        msis = self.sections.nrlmsis
+        if msis is not None:
+            lines.append(
+                f"air: NRLMSIS of {msis.date}, {msis.hour:g} h UTC, F10.7 {msis.f107:g}, Ap {msis.ap:g}"
+            )
         for pair in self.sections.correlation:
             lines.append(f"correlation of {' and '.join(pair.of)}: {pair.value:g}")
         return lines
@@ -201,6 +225,8 @@ class World:
         ]
         if self.sections.draws is not None:
             found.append(drawn_air(self._kept_tables[self.sections.draws.table]))
+        if self.sections.nrlmsis is not None:
+            found.append(drawn_air(self._kept_tables[NRLMSIS]))
         return tuple(found)
 
     @cached_property
@@ -241,9 +267,16 @@ class World:
     def _varies(self, *names: str) -> bool:
         return any(d.name in names and not d.is_nominal for d in self._catalogue)
 
-    def _density(self, numbers: Mapping[str, Array], columns: Mapping[str, Array]) -> Array | None:
-        """Factor on the density (n, k); None if nothing varies it over altitude."""
+    def _density(
+        self, numbers: Mapping[str, Array], columns: Mapping[str, Array], mission: Mission
+    ) -> Array | None:
+        """Factor on the mission's density (n, k); None if nothing varies it over altitude."""
         density = density_of(self._air, columns, len(numbers["density_factor"]))
+        of_the_air = self.sections.draws is not None or self.sections.nrlmsis is not None
+        if density is not None and of_the_air:
+            own = mission.flight_model.atmosphere.density(ALTITUDES)
+            factor = mission.atmosphere.density_factor
+            density = density * (StandardAtmosphere1976().density(ALTITUDES) * factor / own)
         if DENSITY_PROFILE not in columns:
             return density
         noise = density_noise(
@@ -255,7 +288,7 @@ class World:
         """East and north (2, n, k), m/s; None if there is no wind."""
         constant = np.stack([numbers["wind_east"], numbers["wind_north"]])[..., None]
         profiles = wind_of(self._air, columns, constant.shape[1])
-        if profiles is None and not self._varies("wind_east", "wind_north", "wind_noise"):
+        if "wind" not in self.profiles:
             return None
         wind = np.repeat(constant, len(ALTITUDES), axis=-1)
         if profiles is not None:

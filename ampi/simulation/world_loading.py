@@ -11,6 +11,7 @@ from pydantic_core import ErrorDetails
 
 from ampi.missions.source import Shelf
 from ampi.missions.units import sentences
+from ampi.simulation.air_tables import NRLMSIS, nrlmsis_table
 from ampi.simulation.csv_table import CsvTable, read_csv_table
 from ampi.simulation.distributions import LAWS
 from ampi.simulation.world import World, WorldError
@@ -59,6 +60,11 @@ def parse_world(text: str, label: str = "world", *, folder: Path | None = None) 
     for file in sections.files:
         try:
             tables[file] = _read_table(file, folder)
+        except ValueError as error:
+            faults.append(str(error))
+    if sections.nrlmsis is not None:
+        try:
+            tables[NRLMSIS] = nrlmsis_table(sections.nrlmsis.conditions)
         except ValueError as error:
             faults.append(str(error))
     if not faults:

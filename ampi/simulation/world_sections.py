@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from datetime import datetime, timedelta
 from typing import Annotated, Any, Literal
 
+import numpy as np
 from pydantic import Field, TypeAdapter, field_validator, model_validator
 
+from ampi.missions import units as u
 from ampi.missions.units import Number, Section, key_given
+from ampi.physics.angles import TURN
 from ampi.simulation.distributions import (
     KnownKeys,
     Law,
@@ -16,8 +20,10 @@ from ampi.simulation.distributions import (
     law_as_written,
     unknown_name,
 )
+from ampi.simulation.nrlmsis import NrlmsisConditions
 from ampi.simulation.uncertainties import BY_NAME, CATALOGUE, SECTIONS, Uncertainty
 
+DAY = "%Y-%m-%d"
 WITH_PROFILE = ("density", "wind")  # may name a table over altitude
 Month = Annotated[int, Field(strict=True, ge=1, le=12)]
 AnyLaw = NumericLaw | TableColumn
@@ -81,6 +87,39 @@ class DrawsSection(KnownKeys):
         return value
 
 
+class NrlmsisSection(Section):
+    """The air of a day and a place by NRLMSIS 2.1, the same for every flight (`nrlmsis`)."""
+
+    date: str  # YYYY-MM-DD
+    hour: Number = Field(default=12.0, ge=0, lt=24)  # UTC
+    latitude: u.Angle = Field(ge=-0.5 * np.pi, le=0.5 * np.pi)
+    longitude: u.CircularAngle = Field(ge=-2 * TURN, le=2 * TURN)
+    f107: Number = Field(default=150.0, ge=50, le=1e3)  # 1e-22 W/(m² Hz), of the day before
+    f107_average: Number = Field(default=150.0, ge=50, le=1e3)  # over 81 days
+    ap: Number = Field(default=4.0, ge=0, le=1e3)
+
+    @field_validator("date")
+    @classmethod
+    def _is_a_day(cls, value: str) -> str:
+        try:
+            datetime.strptime(value, DAY)
+        except ValueError:
+            raise ValueError("expected a day as YYYY-MM-DD") from None
+        return value
+
+    @property
+    def conditions(self) -> NrlmsisConditions:
+        """What NRLMSIS is asked."""
+        return NrlmsisConditions(
+            time=datetime.strptime(self.date, DAY) + timedelta(hours=self.hour),
+            latitude=self.latitude,
+            longitude=self.longitude,
+            f107=self.f107,
+            f107_average=self.f107_average,
+            ap=self.ap,
+        )
+
+
 class CorrelationSection(KnownKeys):
     """The correlation of each pair of some uncertainties, as if they were normal."""
 
@@ -107,6 +146,7 @@ class WorldSections(Section):
     profiles: Mapping[str, str] = {}  # section → CSV file over altitude
     laws: Mapping[str, Mapping[str, Law]] = {}  # section → key with unit → distribution
     draws: DrawsSection | None = None
+    nrlmsis: NrlmsisSection | None = None
     correlation: tuple[CorrelationSection, ...] = ()
 
     @model_validator(mode="before")
@@ -114,7 +154,7 @@ class WorldSections(Section):
     def _sections_of_the_catalogue(cls, data: Any) -> Any:
         if not isinstance(data, dict):
             return data
-        own = ("name", "title", "entry", "draws", "correlation")
+        own = ("name", "title", "entry", "draws", "nrlmsis", "correlation")
         faults = [unknown_name(k, (*own, *SECTIONS)) for k in data if k not in (*own, *SECTIONS)]
         laws: dict[str, dict[str, Any]] = {}
         profiles: dict[str, Any] = {}

@@ -68,9 +68,9 @@ def limited_rate(
     change = a * cycle
     # Having reached rate r at the end of the cycle, the vehicle stands at bank + (rate + r) cycle/2
     # and must still be able to stop, braking by a · cycle in each cycle from then on.
-    up = _stopping_rate(limits.angle - bank - 0.5 * rate * cycle, a, cycle)
-    down = -_stopping_rate(limits.angle + bank + 0.5 * rate * cycle, a, cycle)
-    wanted = np.minimum(np.maximum(command, down), up)
+    ahead = bank + 0.5 * rate * cycle
+    up, down = _stopping_rate(np.array([limits.angle - ahead, limits.angle + ahead]), a, cycle)
+    wanted = np.minimum(np.maximum(command, -down), up)
     wanted = np.minimum(np.maximum(wanted, -limits.rate), limits.rate)
     return np.minimum(np.maximum(wanted, rate - change), rate + change)
 

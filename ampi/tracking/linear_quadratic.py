@@ -8,10 +8,14 @@ nothing that flies differentiates a model. The function works on one flight or o
 
 from __future__ import annotations
 
-from typing import Any
+from dataclasses import dataclass
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
+
+from ampi.onboard.row_layout import LINEAR_TRACKING, RowLayout
+from ampi.tracking.law import Told
 
 Array = NDArray[np.float64]
 
@@ -37,3 +41,33 @@ def bank_rate_command(state: Array, reference_state: Array, bank_rate: Any, gain
     error[LONGITUDE] = wrapped(error[LONGITUDE])
     error[AZIMUTH] = wrapped(error[AZIMUTH])
     return bank_rate - (gain * error).sum(axis=0)
+
+
+@dataclass(frozen=True)
+class LinearQuadratic:
+    """Eq. (1) with the reference looked up over time."""
+
+    name: ClassVar[str] = "linear_quadratic"
+    layout: ClassVar[RowLayout] = LINEAR_TRACKING
+    senses: ClassVar[bool] = False
+    modulates: ClassVar[bool] = False
+
+    def memory(self, n: int) -> Array:
+        """None is needed."""
+        return np.zeros((0, n))
+
+    def along(self, times: Array, rows: Array) -> Array:
+        """The time."""
+        return times
+
+    def now(self, clock: Any, told: Told) -> Any:
+        """The time."""
+        return clock
+
+    def command(self, at: Array, told: Told, memory: Array) -> tuple[Array, Array]:
+        """Bank rate of Eq. (1); the angle of attack stays as it is."""
+        layout = self.layout
+        rate = bank_rate_command(
+            told.state, at[layout.states], at[layout.bank_rate], at[layout.gains]
+        )
+        return rate, np.zeros_like(rate)

@@ -36,7 +36,7 @@ from ampi.physics.state import ALTITUDE, BANK, LATITUDE, LONGITUDE, SPEED
 from ampi.propagation.adaptive_step import IntegrationError
 from ampi.propagation.reintegration import reintegrate_many
 from ampi.scp.solve import optimum
-from ampi.simulation.dispersions import require_seed
+from ampi.simulation.uniform_numbers import require_whole
 from ampi.trajectory import Status, Trajectory
 from ampi.workers.in_order import in_workers
 from ampi.workers.job import JobError, finished
@@ -148,7 +148,7 @@ def audit(
         )
     if isinstance(probes, bool) or not isinstance(probes, int) or probes < 0:
         raise ValueError(f"probes: expected a non-negative number, got {probes!r}")
-    require_seed(seed)
+    require_whole("seed", seed)
     require_workers(n_jobs)
     notify = advance or (lambda count: None)
     flown = _fly_again(dataset, notify)

@@ -5,10 +5,10 @@ from __future__ import annotations
 import pytest
 
 from ampi.cli.options import key_and_value, one_of
-from ampi.loading import HOLES
+from ampi.loading import HOLES, LAWS
 from ampi.onboard.reference import Mode
 from ampi.papers.reproduction import PAPERS
-from ampi.simulation.dispersions import Distribution
+from ampi.simulation.world_loading import shipped_worlds
 from tests.support.command_line import run
 
 MODES = [mode.value for mode in Mode]
@@ -18,7 +18,7 @@ MODES = [mode.value for mode in Mode]
     ("command", "choices"),
     [
         ("guide", [*MODES, *HOLES]),
-        ("fly", [*MODES, *HOLES, *(law.value for law in Distribution)]),
+        ("fly", [*MODES, *HOLES, *shipped_worlds(), *LAWS]),
         ("reproduce", list(PAPERS)),
     ],
 )

@@ -19,6 +19,7 @@ import pytest
 from ampi.missions.loading import load_mission
 from ampi.simulation.flights_file import load_campaigns
 from ampi.simulation.statistics import AreaRatio, footprint_ratio
+from ampi.simulation.world_loading import shipped_worlds
 from ampi.trajectory import Status
 from database.records.record_files import count_records
 from tests.support.command_line import run, unwrapped
@@ -40,6 +41,12 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def test_missions_lists_what_is_shipped(tmp_path: Path) -> None:
     assert "shefex3" in run("missions", cwd=tmp_path).stdout
+
+
+def test_worlds_lists_what_is_shipped(tmp_path: Path) -> None:
+    lines = run("worlds", cwd=tmp_path).stdout.splitlines()
+    assert [line.split()[0] for line in lines] == shipped_worlds()
+    assert "Everything at once" in unwrapped("\n".join(lines))
 
 
 def test_solve_prints_csv_plot_and_json(tmp_path: Path) -> None:
@@ -66,11 +73,12 @@ def test_audit_in_words_and_in_json(folder: Path) -> None:
 
 
 def test_fly_gives_the_footprint_ratio_in_json_too(folder: Path) -> None:
-    options = ("-n", "60", "--modes", "nominal,ampi", "-j", "1")
+    options = ("-n", "60", "--modes", "nominal,ampi", "-j", "1", "--cycle", "0.5")
     written = run("fly", "small.h5", *options, "--output", "two.h5", cwd=folder).stdout
     numbers = json.loads(run("fly", "small.h5", *options, "--json", cwd=folder).stdout)
-    assert numbers["nominal"]["footprint_ratio"] is None
-    ratio = numbers["ampi"]["footprint_ratio"]
+    schemes = numbers["schemes"]
+    assert schemes["nominal"]["footprint_ratio"] is None
+    ratio = schemes["ampi"]["footprint_ratio"]
     flown = load_campaigns(folder / "two.h5")
     assert ratio == pytest.approx(asdict(footprint_ratio(flown["ampi"], flown["nominal"])))
     assert str(AreaRatio(**ratio)) in written
@@ -119,7 +127,7 @@ print(json.dumps(loaded))
     imported, guided, flown = json.loads(done.stdout.splitlines()[-1])
     assert imported == []
     assert guided == ["numpy", "pydantic"]
-    assert flown == ["numpy", "pydantic"]
+    assert flown == ["numpy", "pydantic", "scipy"]  # a normal law is drawn by its inverse
 
 
 def test_guide_flags_an_entry_outside(folder: Path) -> None:
@@ -138,29 +146,75 @@ def test_guide_flags_an_entry_outside(folder: Path) -> None:
 
 
 def test_fly_and_report(folder: Path) -> None:
-    kept = ("--output", "flights.h5", "--csv", "flights.csv")
+    kept = ("--output", "flights.h5", "--csv", "flights.csv", "--cycle", "0.5")
     told = run("fly", "small.h5", "-n", "20", *kept, cwd=folder).stdout
     assert "25 km" in told
-    drawn = "normal (3σ): speed_m_per_s ± 70, flight_path_angle_deg ± 0.5"
-    assert f"Offsets from the nominal, {drawn}" in unwrapped(told)
+    drawn = ["entry.speed: normal, 3σ 70 m/s", "entry.flight_path_angle: normal, 3σ 0.5 deg"]
+    assert f"World entry: {'; '.join(drawn)}" in unwrapped(told)
     rows = (folder / "flights.csv").read_text(encoding="utf-8").splitlines()
     assert len(rows) == 1 + 4 * 20
-    assert rows[0].startswith("campaign,flight,speed_m_per_s,flight_path_angle_deg,outside_")
-    numbers = json.loads(
-        run(
-            "fly", "small.h5", "-n", "20", "--modes", "ampi", "-j", "1", "--json", cwd=folder
-        ).stdout
-    )
-    assert numbers["ampi"]["n"] == 20
-    assert numbers["ampi"]["drawn"] == drawn
+    ampi = ("--modes", "ampi", "-j", "1", "--json", "--cycle", "0.5")
+    numbers = json.loads(run("fly", "small.h5", "-n", "20", *ampi, cwd=folder).stdout)
+    one = numbers["schemes"]["ampi"]
+    assert (one["n"], one["law"], one["world"]) == (20, "linear_quadratic", "entry")
+    heads = rows[0].split(",")
     ours = [row.split(",") for row in rows if row.startswith("ampi,")]
-    passed = sum(row[rows[0].split(",").index("passed")] == "yes" for row in ours)
-    assert numbers["ampi"]["passed"]["count"] == passed > 0
-    assert numbers["ampi"]["footprint_ratio"] is None  # nothing to compare with
+    passed = sum(row[heads.index("passed")] == "yes" for row in ours)
+    assert one["passed"]["count"] == passed > 0
+    assert one["footprint_ratio"] is one["against_nominal"] is None  # nothing to compare with
     run("report", "small.h5", "flights.h5", "--output", "report.html", cwd=folder)
     page = (folder / "report.html").read_text(encoding="utf-8")
     assert "surrogate" in page
     assert "<img" in page or "<svg" in page
+
+
+WORLDS = ("--world", "everything,entry", "--law", "linear_quadratic,drag_shuttle")
+
+
+def test_worlds_and_laws_side_by_side_and_one_flight_again(folder: Path) -> None:
+    fly = ("fly", "small.h5", *WORLDS, "--modes", "nominal,ampi", "--cycle", "0.5")
+    told = run(*fly, "-n", "6", "--output", "worlds.h5", cwd=folder).stdout
+    assert told.index("everything, linear quadratic") < told.index("entry, linear quadratic")
+    campaigns = load_campaigns(folder / "worlds.h5")
+    assert len(campaigns) == 8
+    before = (folder / "worlds.h5").read_bytes()
+    assert run(*fly, "-n", "6", "--output", "worlds.h5", cwd=folder).stdout == told
+    assert (folder / "worlds.h5").read_bytes() == before  # it is flown
+    other = run(*fly, "-n", "5", "--output", "worlds.h5", cwd=folder, code=2).stderr
+    assert "worlds.h5 holds results of another campaign (different flights (6 there" in other
+
+    one = ("--world", "everything", "--law", "drag_shuttle", "--modes", "ampi", "--cycle", "0.5")
+    flown = campaigns["everything drag_shuttle ampi"]
+    drawn = run("fly", "small.h5", *one, "--case", "4", "--json", cwd=folder).stdout
+    assert json.loads(drawn)["ampi"]["miss_m"] == flown.miss[4]  # to the bit
+    assert json.loads(drawn)["ampi"]["truth"]["actuator_lag"] == 0.5
+    again = ("--case", "4", "--output", "worlds.h5", "--csv", "log.csv")
+    told = run(*fly, *again, cwd=folder).stdout
+    assert unwrapped(told).count("as recorded, to the bit") == 8
+    log = (folder / "log.csv").read_text(encoding="utf-8").splitlines()
+    assert log[0].startswith("time_s,scheme,altitude_m,longitude_rad,")
+    assert log[1].split(",")[:2] == ["0.000000", "everything linear_quadratic nominal"]
+    run("fly", "small.h5", *one, "--case", "4", "--plot", "flight.png", cwd=folder)
+    assert (folder / "flight.png").stat().st_size > 1e4
+
+
+def test_a_campaign_that_knows_enough_stops(folder: Path) -> None:
+    stop = ("--stop-percent", "30", "--modes", "ampi", "--cycle", "0.5", "-n", "300")
+    run("fly", "small.h5", *stop, "--output", "short.h5", cwd=folder)
+    assert load_campaigns(folder / "short.h5")["ampi"].n == 100
+
+
+def test_sensitivity_tells_what_the_miss_comes_from(folder: Path) -> None:
+    options = ("--world", "entry", "-n", "8", "--cycle", "0.5", "--mode", "nominal")
+    numbers = json.loads(run("sensitivity", "small.h5", *options, "--json", cwd=folder).stdout)
+    assert numbers["flights"] == 8 * (2 + 2)
+    assert set(numbers["total"]) == {"entry.speed", "entry.flight_path_angle"}
+    table = run("sensitivity", "small.h5", *options, cwd=folder).stdout
+    assert "entry.flight_path_angle" in table
+    odd = run("sensitivity", "small.h5", "-n", "12", cwd=folder, code=2).stderr
+    assert "n: expected a power of 2, got 12" in odd
+    both = run("sensitivity", "small.h5", "--mode", "mpi,ampi", cwd=folder, code=2).stderr
+    assert "expected one world, law and mode, got mpi, ampi" in both
 
 
 @pytest.mark.parametrize(
@@ -182,7 +236,12 @@ def test_fly_and_report(folder: Path) -> None:
         (("guide", "small.h5", "--mode", "best"), "--mode: expected one of nominal, mpi"),
         (("guide", "small.h5", "-p", "speed_m_per_s=1", "-p", "speed_m_per_s=2"), "given twice"),
         (("fly", "small.h5", "--modes", "ampi,best"), "quadratic, got 'best'"),
-        (("fly", "small.h5", "--distribution", "cauchy"), "uniform, corners, got 'cauchy'"),
+        (("fly", "small.h5", "--world", "everyting"), "or the path of a .toml file, got 'everyt"),
+        (("fly", "small.h5", "--law", "best"), "drag_sliding_mode, drag_shuttle, got 'best'"),
+        (("fly", "small.h5", "--pool", "best"), "pool: expected one of reported, tuning, got"),
+        (("fly", "small.h5", "--cycle", "0"), "cycle: expected at least 0.001 s, got 0"),
+        (("fly", "small.h5", "--plot", "a.png"), "--plot: expected --case with it"),
+        (("fly", "small.h5", "--case", "2", "--plot", "a.png"), "--plot: expected one world, law"),
         (("fly", "small.h5", "--output", "absent/f.h5"), "f.h5: the folder "),
         (("fly", "small.h5", "--output", "small.h5"), "small.h5 is a trajectory database; nothing"),
         (("guide", "small.h5", "--csv", "small.h5"), "small.h5 is a trajectory database; nothing"),
@@ -205,7 +264,8 @@ def test_flights_are_replaced_only_if_asked(folder: Path) -> None:
     flights, base = folder / "dear.h5", folder / "dear.csv"
     for dear in (flights, base):
         dear.write_bytes(b"weeks of work")
-    fly = ("fly", "small.h5", "-n", "2", "--modes", "nominal", "-j", "1", "--output", "dear.h5")
+    slow = ("--modes", "nominal", "-j", "1", "--cycle", "0.5")
+    fly = ("fly", "small.h5", "-n", "2", *slow, "--output", "dear.h5")
     for command in (
         fly,
         ("solve", "small.toml", "--csv", "dear.h5"),
@@ -228,7 +288,7 @@ def test_an_encoding_costs_no_result(folder: Path, encoding: str) -> None:
         ("--help",),
         ("verify", there / "small.h5"),
         ("verify", there / "none.h5"),
-        ("fly", "small.h5", "-n", "3", "--modes", "ampi", "-j", "1"),
+        ("fly", "small.h5", "-n", "3", "--modes", "ampi", "-j", "1", "--cycle", "0.5"),
     )[: 4 if encoding == "ascii" else 3]:
         done = subprocess.run(
             [sys.executable, "-m", "ampi.cli", *map(str, command)],
@@ -356,7 +416,8 @@ def test_a_database_of_another_mission_is_never_overwritten(folder: Path, tmp_pa
     refused = run("build", "light.toml", "held.h5", cwd=tmp_path, code=2).stderr
     assert "is not a database of this mission (shefex3); nothing was overwritten" in refused
     assert held.read_bytes() == (folder / "small.h5").read_bytes()
-    run("fly", "small.h5", "-n", "5", "--modes", "ampi", "--output", "few.h5", cwd=folder)
+    few = ("-n", "5", "--modes", "ampi", "--cycle", "0.5", "--output", "few.h5")
+    run("fly", "small.h5", *few, cwd=folder)
     run("build", "light.toml", "light.h5", cwd=tmp_path)
     mixed = run("report", "light.h5", folder / "few.h5", cwd=tmp_path, code=2).stderr
     assert "flown from a database of another mission" in mixed

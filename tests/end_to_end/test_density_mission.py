@@ -22,9 +22,9 @@ from ampi.missions.loading import parse_mission
 from ampi.missions.mission import Mission
 from ampi.onboard.reference import Mode
 from ampi.propagation.reintegration import reintegrate
-from ampi.simulation.dispersions import Dispersions, Distribution
 from tests.support.command_line import run
 from tests.support.missions import text_on_grid
+from tests.support.worlds import of_entries
 
 pytestmark = pytest.mark.slow
 
@@ -101,8 +101,8 @@ def test_every_optimum_was_found_in_its_own_air(seven: Path) -> None:
 
 def test_seven_dimensions_fly(seven: Path) -> None:
     mission, guidance = read_dataset(seven).mission, load_guidance(seven)
-    uniform = Dispersions.from_mission(mission, Distribution.UNIFORM)
-    flights = ampi.fly(mission, guidance, uniform, n=20, seed=4, n_jobs=1)
+    uniform = of_entries("uniform")
+    flights = ampi.fly(mission, guidance, uniform, n=20, seed=4, n_jobs=1, cycle=0.5)
     assert flights.parameters.shape == (20, 7)
     assert flights.reached.all()
     assert not flights.clipped.any()
@@ -119,9 +119,11 @@ def test_seven_dimensions_fly(seven: Path) -> None:
 def test_guidance_that_is_told_the_density_hits_what_the_nominal_misses(
     mission: Mission, guidance: Guidance
 ) -> None:
-    uniform = Dispersions.from_mission(mission, Distribution.UNIFORM)
+    uniform = of_entries("uniform")
     miss = {
-        mode: ampi.fly(mission, guidance.in_mode(mode), uniform, n=60, seed=9, n_jobs=1).miss
+        mode: ampi.fly(
+            mission, guidance.in_mode(mode), uniform, n=60, seed=9, n_jobs=1, cycle=0.5
+        ).miss
         for mode in (Mode.NOMINAL, Mode.AMPI, Mode.QUADRATIC)
     }
     assert np.median(miss[Mode.AMPI]) < 0.3 * np.median(miss[Mode.NOMINAL])
@@ -132,9 +134,9 @@ def test_guidance_that_is_told_the_density_hits_what_the_nominal_misses(
 def test_a_flight_in_a_batch_is_the_flight_in_its_own_air(
     mission: Mission, guidance: Guidance
 ) -> None:
-    draws = Dispersions.from_mission(mission, Distribution.CORNERS)
-    few = ampi.fly(mission, guidance, draws, n=6, seed=1, n_jobs=1)
-    many = ampi.fly(mission, guidance, draws, n=120, seed=1, n_jobs=2)
+    draws = of_entries("corners")
+    few = ampi.fly(mission, guidance, draws, n=6, seed=1, n_jobs=1, cycle=0.5)
+    many = ampi.fly(mission, guidance, draws, n=120, seed=1, n_jobs=2, cycle=0.5)
     assert few.miss == pytest.approx(many.miss[:6], abs=1e-3)
     assert few.peak == pytest.approx(many.peak[:6], rel=1e-9)
     assert few.path == pytest.approx(many.path[:6, :, : few.path.shape[2]], rel=1e-9, nan_ok=True)
@@ -151,10 +153,11 @@ def test_a_target_may_move_with_p(mission: Mission, tmp_path: Path) -> None:
         ampi.fly(
             moving,
             guidance.in_mode(mode),
-            Dispersions.from_mission(moving, Distribution.UNIFORM),
+            of_entries("uniform"),
             n=20,
             seed=2,
             n_jobs=1,
+            cycle=0.5,
         )
         for mode in (Mode.AMPI, Mode.NOMINAL)
     )

@@ -13,8 +13,8 @@ from ampi.guidance import Guidance
 from ampi.loading import load_guidance
 from ampi.missions.loading import parse_mission
 from ampi.missions.mission import Mission
-from ampi.simulation.dispersions import Dispersions, Distribution
 from tests.support.missions import text_on_grid
+from tests.support.worlds import of_entries
 
 DEGREE = np.pi / 180.0
 LATITUDE, LIMIT = 0, 1  # places in p
@@ -61,9 +61,7 @@ def test_a_limit_that_is_none_is_the_nominal_one(
 
 
 def test_flights_bank_to_their_own_limit(mission: Mission, guidance: Guidance) -> None:
-    flights = ampi.fly(
-        mission, guidance, Dispersions.from_mission(mission, Distribution.CORNERS), n=60, n_jobs=1
-    )
+    flights = ampi.fly(mission, guidance, of_entries("corners"), n=60, n_jobs=1, cycle=0.5)
     flown = np.nanmax(np.abs(flights.states[:, 6]), axis=1)
     own = flights.parameters[:, LIMIT]
     assert np.all(flown <= own * (1.0 + 1e-9))
@@ -78,14 +76,14 @@ def test_the_onboard_command_keeps_it_too(mission: Mission, guidance: Guidance) 
     """A bank angle that asks for more than the limit: the command stops at the limit of this p."""
     for offset in (-2.0, 20.0):
         limit = (45.0 + offset) * DEGREE
-        reference = guidance.reference(at(mission, 0.0, offset)).copy()
-        state = reference.states[:, 0].copy()
+        eager = guidance.reference(at(mission, 0.0, offset)).copy()
+        state = eager.states[:, 0].copy()
         state[6], rate = limit - 10.0 * DEGREE, 0.0
         greatest = 0.0
-        eager = reference.copy()
         eager.bank_rate[:], eager.gains[:] = 1.0, 0.0
+        guidance.follow(eager)
         for k in range(80):
-            command = guidance.command(eager, 0.5 * k, state, rate)
+            command = guidance.step(0.5 * k, [*state, rate])
             rate, state[6] = command.bank_rate, command.bank_angle
             greatest = max(greatest, state[6])
         assert greatest == pytest.approx(limit, abs=1e-3 * DEGREE)

@@ -11,9 +11,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from ampi.guidance import NOMINAL_CYCLE, BankCommand, Guidance, Health
+from ampi.guidance import Command, Guidance
+from ampi.onboard.clock import NOMINAL_CYCLE
+from ampi.onboard.health import Health
 from ampi.onboard.reference import Mode, Reference
 from ampi.tracking.bank_limiter import BankLimits
+from tests.support.steps import command
 
 Array = NDArray[np.float64]
 
@@ -39,14 +42,14 @@ def eager(guidance: Guidance, ask: float = 9.0) -> Reference:
 
 def flown(
     guidance: Guidance, asks: list[float], times: Array
-) -> tuple[list[BankCommand], Array, Array]:
+) -> tuple[list[Command], Array, Array]:
     """Commands, and the bank angles and rates at the calls; the rate is linear between them."""
     commands, banks, rates = [], [0.0], [0.0]
     references = {ask: eager(guidance, ask) for ask in set(asks)}
     for ask, step, time in zip(asks, np.diff(times, append=2 * times[-1]), times, strict=False):
         state = STATE.copy()
         state[6] = banks[-1]
-        commands.append(guidance.command(references[ask], float(time), state, rates[-1]))
+        commands.append(command(guidance, references[ask], float(time), state, rates[-1]))
         banks.append(banks[-1] + 0.5 * (rates[-1] + commands[-1].bank_rate) * step)
         rates.append(commands[-1].bank_rate)
     return commands, np.array(banks[:-1]), np.array(rates)
@@ -115,7 +118,7 @@ def test_after_a_silence_the_command_is_that_of_a_cycle_not_of_the_silence(
 def test_a_stated_cycle_is_that_of_the_first_command(guidance: Guidance, cycle: float) -> None:
     stated = guidance.at_cycle(cycle)
     assert stated.cycle == cycle
-    first = stated.command(eager(stated), 0.0, STATE, 0.0)
+    first = command(stated, eager(stated), 0.0, STATE, 0.0)
     assert first.bank_rate == pytest.approx(min(LIMITS.acceleration * cycle, LIMITS.rate))
     assert first.bank_angle == pytest.approx(0.5 * first.bank_rate * cycle)
 
@@ -124,10 +127,10 @@ def test_without_a_stated_cycle_the_first_command_changes_next_to_nothing(
     guidance: Guidance,
 ) -> None:
     assert guidance.cycle == NOMINAL_CYCLE == 0.5
-    command = guidance.command(eager(guidance), 0.0, STATE, 0.03)
-    assert command.bank_rate == pytest.approx(0.03, abs=1.01e-3 * LIMITS.acceleration)
-    assert command.bank_angle == pytest.approx(0.015, abs=1e-4)
-    assert command.health is Health.GOOD
+    got = command(guidance, eager(guidance), 0.0, STATE, 0.03)
+    assert got.bank_rate == pytest.approx(0.03, abs=1.01e-3 * LIMITS.acceleration)
+    assert got.bank_angle == pytest.approx(0.015, abs=1e-4)
+    assert got.health is Health.GOOD
 
 
 def test_a_silence_right_after_the_first_command_is_none_of_a_stated_cycle(
@@ -135,8 +138,8 @@ def test_a_silence_right_after_the_first_command_is_none_of_a_stated_cycle(
 ) -> None:
     stated = guidance.at_cycle(0.1)
     reference = eager(stated)
-    rate = stated.command(reference, 0.0, STATE, 0.0).bank_rate
-    change = stated.command(reference, 1.5, STATE, rate).bank_rate - rate
+    rate = command(stated, reference, 0.0, STATE, 0.0).bank_rate
+    change = command(stated, reference, 1.5, STATE, rate).bank_rate - rate
     assert change == pytest.approx(0.1 * LIMITS.acceleration)
 
 
@@ -146,10 +149,10 @@ def test_what_is_lost_at_the_first_command_is_the_references(guidance: Guidance)
     reference.states[6] = 0.3
     for _ in range(2):  # the last command of another flight is none of this
         stated.reset()
-        command = stated.command(reference, 1.0, np.full(7, np.nan), np.nan)
-        assert command.bank_rate == pytest.approx(0.02, abs=1e-12)
-        assert command.bank_angle == pytest.approx(0.3 + 0.01, abs=1e-12)
-        stated.command(reference, 1.1, STATE, 0.05)
+        got = command(stated, reference, 1.0, np.full(7, np.nan), np.nan)
+        assert got.bank_rate == pytest.approx(0.02, abs=1e-12)
+        assert got.bank_angle == pytest.approx(0.3 + 0.01, abs=1e-12)
+        command(stated, reference, 1.1, STATE, 0.05)
 
 
 def test_a_loop_that_gets_slower_or_faster_is_followed(guidance: Guidance) -> None:
@@ -164,6 +167,25 @@ def test_a_loop_that_gets_slower_or_faster_is_followed(guidance: Guidance) -> No
     assert np.abs(banks).max() <= LIMITS.angle * SLACK
 
 
+@pytest.mark.parametrize("lag", [0.2, 0.5, 1.0])
+def test_behind_a_lag_the_acceleration_is_all_there(guidance: Guidance, lag: float) -> None:
+    """Limited from the measured rate, half a second of lag at 10 Hz would leave a fifth of it."""
+    flying, reference = guidance.at_cycle(0.1), eager(guidance)
+    flying.follow(reference)
+    bank, rate, commands, banks = 0.0, 0.0, [0.0], []
+    for k in range(600):
+        told = flying.step(0.1 * k, [*STATE[:6], bank, rate])
+        commands.append(told.bank_rate)
+        before, rate = rate, told.bank_rate + (rate - told.bank_rate) * np.exp(-0.1 / lag)
+        bank += 0.05 * (before + rate)
+        banks.append(bank)
+    changes = np.diff(commands)
+    assert changes.max() == pytest.approx(0.1 * LIMITS.acceleration, rel=1e-9)
+    assert np.abs(changes).max() <= 0.1 * LIMITS.acceleration * SLACK
+    assert LIMITS.angle <= max(banks) <= LIMITS.angle + lag * LIMITS.rate
+    assert np.abs(np.array(banks[300:]) - LIMITS.angle).max() <= lag * LIMITS.rate
+
+
 # --- clocks that fail -----------------------------------------------------------------------------
 
 
@@ -176,8 +198,8 @@ def ramp(guidance: Guidance) -> Reference:
 
 def looked_up(guidance: Guidance, reference: Reference, time: float) -> tuple[float, Health]:
     """The time at which the reference was looked up, read from what is commanded."""
-    command = guidance.command(reference, time, STATE, 1e-4 * 10.0)
-    return 1e4 * command.bank_rate, command.health
+    got = command(guidance, reference, time, STATE, 1e-4 * 10.0)
+    return 1e4 * got.bank_rate, got.health
 
 
 @pytest.mark.parametrize(
@@ -223,8 +245,8 @@ def test_a_dead_clock_is_counted_on_to_the_end(guidance: Guidance) -> None:
         looked_up(guidance, reference, time)
     read = []
     for _ in range(40):
-        command = guidance.command(reference, np.nan, STATE, 1e-4 * begin)
-        read.append((1e4 * command.bank_rate, command.health))
+        got = command(guidance, reference, np.nan, STATE, 1e-4 * begin)
+        read.append((1e4 * got.bank_rate, got.health))
     assert [t for t, _ in read[:3]] == pytest.approx([begin + 0.1 * k for k in (1, 2, 3)], abs=1e-9)
     assert {h for _, h in read[:28]} == {Health.BAD_TIME}
     assert {h for _, h in read[31:]} == {Health.AFTER_FINAL_TIME}
@@ -232,9 +254,9 @@ def test_a_dead_clock_is_counted_on_to_the_end(guidance: Guidance) -> None:
 
 def test_without_any_time_the_bank_angle_is_held(guidance: Guidance) -> None:
     for _ in range(3):
-        command = guidance.command(eager(guidance), np.nan, STATE, 0.0)
-        assert (command.bank_rate, command.health) == (0.0, Health.BAD_TIME)
-    assert guidance.command(eager(guidance), 3.0, STATE, 0.0).health is Health.GOOD
+        got = command(guidance, eager(guidance), np.nan, STATE, 0.0)
+        assert (got.bank_rate, got.health) == (0.0, Health.BAD_TIME)
+    assert command(guidance, eager(guidance), 3.0, STATE, 0.0).health is Health.GOOD
 
 
 # --- flights --------------------------------------------------------------------------------------
@@ -244,29 +266,29 @@ def test_a_new_reference_or_a_reset_begins_a_flight_at_any_time(guidance: Guidan
     for again in (guidance.reset, lambda: guidance.reference([0.2] * 6)):
         reference = eager(guidance)
         for time in (40.0, 40.1):
-            assert guidance.command(reference, time, STATE, 0.0).health is Health.GOOD
+            assert command(guidance, reference, time, STATE, 0.0).health is Health.GOOD
         again()
-        command = guidance.command(reference, 0.0, STATE, 0.0)
-        assert command.health is Health.GOOD
-        assert abs(command.bank_rate) <= 1.01e-3 * LIMITS.acceleration
-    assert guidance.command(reference, 0.0, STATE, 0.0).health is Health.BAD_TIME
+        got = command(guidance, reference, 0.0, STATE, 0.0)
+        assert got.health is Health.GOOD
+        assert abs(got.bank_rate) <= 1.01e-3 * LIMITS.acceleration
+    assert command(guidance, reference, 0.0, STATE, 0.0).health is Health.BAD_TIME
 
 
 def test_a_reference_made_anew_in_flight_keeps_the_cycle(guidance: Guidance) -> None:
     rates = [0.0]
     for k in range(10):
         reference = eager(guidance)  # at every cycle, as with a density that is estimated
-        command = guidance.command(reference, 0.1 * k, STATE, rates[-1])
-        assert command.health is Health.GOOD
-        rates.append(command.bank_rate)
+        got = command(guidance, reference, 0.1 * k, STATE, rates[-1])
+        assert got.health is Health.GOOD
+        rates.append(got.bank_rate)
     assert np.diff(rates)[1:] == pytest.approx(np.full(9, 0.1 * LIMITS.acceleration), rel=1e-9)
 
 
 def test_copies_fly_their_own_flight(guidance: Guidance) -> None:
-    guidance.command(eager(guidance), 40.0, STATE, 0.0)
+    command(guidance, eager(guidance), 40.0, STATE, 0.0)
     copies = [pickle.loads(pickle.dumps(guidance)), guidance.in_mode("mpi"), guidance.at_cycle(0.1)]
     for other in copies:
-        assert other.command(eager(other), 0.0, STATE, 0.0).health is Health.GOOD
+        assert command(other, eager(other), 0.0, STATE, 0.0).health is Health.GOOD
     assert [c.cycle for c in copies] == [0.5, 0.5, 0.1]
     assert [c.first_cycle[0] for c in copies] == [1e-3, 1e-3, 0.1]
     assert pickle.loads(pickle.dumps(copies[2])).first_cycle == (0.1, 0.1)
@@ -279,12 +301,12 @@ def test_a_bank_rate_that_is_lost_is_that_of_the_last_command(
 ) -> None:
     reference, rate = eager(guidance), 0.0
     for k in range(8):
-        command = guidance.command(reference, 0.1 * k, STATE, rate if k < 4 else lost)
-        assert abs(command.bank_rate - rate) <= LIMITS.acceleration * 0.1 * SLACK
-        rate = command.bank_rate
+        got = command(guidance, reference, 0.1 * k, STATE, rate if k < 4 else lost)
+        assert abs(got.bank_rate - rate) <= LIMITS.acceleration * 0.1 * SLACK
+        rate = got.bank_rate
     assert rate == pytest.approx(0.7 * LIMITS.acceleration, rel=1e-2)
     unknown = Health.IMPLAUSIBLE_NAVIGATION if lost == 3.0 else Health.BAD_NAVIGATION
-    assert command.health is unknown
+    assert got.health is unknown
 
 
 def test_a_bank_angle_that_is_lost_is_counted_on_to_the_limit(guidance: Guidance) -> None:
@@ -292,12 +314,12 @@ def test_a_bank_angle_that_is_lost_is_counted_on_to_the_limit(guidance: Guidance
     state = STATE.copy()
     for k in range(400):
         state[6] = bank if k < 5 else np.nan
-        command = guidance.command(reference, 0.1 * k, state, rate)
+        got = command(guidance, reference, 0.1 * k, state, rate)
         if k > 0:
-            bank += 0.05 * (rate + command.bank_rate)
-        rate = command.bank_rate
+            bank += 0.05 * (rate + got.bank_rate)
+        rate = got.bank_rate
         assert bank <= LIMITS.angle * SLACK + 1e-4
-    assert command.health is Health.BAD_NAVIGATION
+    assert got.health is Health.BAD_NAVIGATION
     assert bank == pytest.approx(LIMITS.angle, abs=1e-3)
 
 

@@ -1,4 +1,4 @@
-"""`Guidance.command`, cycle by cycle, against the batch law of the closed loop."""
+"""A loop of one's own with `Guidance.step` against the simulator: the same flight, the same bits."""
 
 from __future__ import annotations
 
@@ -7,14 +7,18 @@ import pytest
 from numpy.typing import NDArray
 from scipy.optimize import brentq
 
-from ampi.guidance import BankCommand, Guidance, Health
+from ampi.guidance import Command, Guidance
 from ampi.missions.family import MissionFamily
 from ampi.missions.mission import Mission
 from ampi.missions.sections import EntrySection
+from ampi.onboard.health import Health
 from ampi.onboard.reference import Mode
 from ampi.physics.equations_of_motion import equations_of_motion
 from ampi.physics.state import ENTRY_STATES
-from ampi.simulation.closed_loop import FlightStatus, fly_batch
+from ampi.simulation.closed_loop import FlightBatch, fly_batch
+from ampi.simulation.plant import FlightStatus
+from ampi.simulation.truth import Truth
+from tests.support.truths import nominal_truth
 
 pytestmark = pytest.mark.slow
 
@@ -51,14 +55,14 @@ def step(mission: Mission, x: Array, rates: tuple[float, float], time: float, h:
 
 def flown(
     mission: Mission, guidance: Guidance, entry: Array
-) -> tuple[Array, list[Array], list[BankCommand]]:
+) -> tuple[Array, list[Array], list[Command]]:
     """Final state, states at the cycle begins, and the commands."""
-    reference = guidance.reference(entry[MEASURED]).copy()
-    x = np.concatenate([entry, reference.states[6:, 0]])
-    rate, time = float(reference.bank_rate[0]), 0.0
+    guidance.begin(entry[MEASURED])
+    bank, rate = guidance.flown.rows[0, 0, 6:8].tolist()
+    x, time = np.array([*entry, bank]), 0.0
     states, commands = [], []
     while True:
-        command = guidance.command(reference, time, x, rate)
+        command = guidance.step(time, [*x, rate])
         states.append(x)
         commands.append(command)
         ahead = step(mission, x, (rate, command.bank_rate), time, guidance.cycle)
@@ -83,7 +87,9 @@ def test_one_flight_by_commands_is_the_flight_of_the_batch(
     state = mission.entry_state + np.array(ENTRIES[entry])
     final, states, commands = flown(mission, guidance, state)
     family = from_entries(mission, state)
-    batch = fly_batch(family, guidance, state[None, MEASURED], record_every=guidance.cycle)
+    batch = fly_batch(
+        family, guidance, nominal_truth(state[None, MEASURED]), record_every=guidance.cycle
+    )
     assert batch.status.tolist() == [int(FlightStatus.REACHED_SPEED)]
     scale = np.array([1e5, 1.0, 1.0, 5e3, 1.0, 1.0, 1.0])
     assert batch.states.shape == (1, 7, len(states))
@@ -111,3 +117,95 @@ def test_the_commands_of_a_flight_keep_the_limits(mission: Mission, loaded: Guid
     # a command says where the bank angle will be, and there it is
     promised = np.array([c.bank_angle for c in commands[:-1]])
     assert promised == pytest.approx(np.array([x[6] for x in states[1:]]), abs=1e-12)
+
+
+# --- to the bit -----------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def company(mission: Mission) -> tuple[MissionFamily, Truth]:
+    """Flights inside and outside of the grid, with noise, dropouts, a lag and a wind."""
+    n = 9
+    entries = np.repeat([mission.entry_state + np.array(e) for e in ENTRIES.values()], 3, axis=0)
+    sizes = np.random.default_rng(5).uniform(0.0, 1.0, (5, n))
+    truth = nominal_truth(
+        entries[:, MEASURED],
+        wind=np.full((2, n, 131), 20.0) * np.linspace(-1.0, 1.0, n)[:, None],
+        navigation_altitude_noise=100.0 * sizes[0],
+        navigation_azimuth_noise=2e-3 * sizes[1],
+        navigation_bank_angle_noise=0.02 * sizes[2],
+        navigation_dropout=0.3 * sizes[3],
+        actuator_lag=0.5 * sizes[4],
+    )
+    return from_entries(mission, entries), truth
+
+
+def recorded(
+    family: MissionFamily, guidance: Guidance, truth: Truth, monkeypatch: pytest.MonkeyPatch
+) -> tuple[FlightBatch, list[tuple[float, Array, Command]]]:
+    """A simulation, and all that its flight software was told and has answered."""
+    told: list[tuple[float, Array, Command]] = []
+    original = Guidance.step
+
+    def step(self: Guidance, time: float, navigation: Array, sensed: Array | None) -> Command:
+        before = navigation.copy()
+        command = original(self, time, navigation, sensed)
+        assert np.array_equal(navigation, before, equal_nan=True)  # nothing told is written to
+        told.append((time, before, command))
+        return command
+
+    with monkeypatch.context() as patched:
+        patched.setattr(Guidance, "step", step)
+        batch = fly_batch(family, guidance, truth)
+    return batch, told
+
+
+@pytest.mark.parametrize("mode", [Mode.AMPI, Mode.QUADRATIC])
+def test_step_by_step_a_flight_alone_has_the_bits_of_the_batch(
+    mission: Mission,
+    loaded: Guidance,
+    company: tuple[MissionFamily, Truth],
+    mode: Mode,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    family, truth = company
+    guidance = loaded.in_mode(mode)
+    _, told = recorded(family, guidance, truth, monkeypatch)
+    assert len(told) > 1000
+    health = np.array([command.health for _, _, command in told])
+    assert set(np.unique(health)) >= {Health.GOOD, Health.BOUNDARY_REFERENCE, Health.BAD_NAVIGATION}
+    for i in range(len(family)):
+        guidance.begin(truth.parameters[i])
+        for time, navigation, together in told:
+            alone = guidance.step(time, navigation[:, i])
+            assert alone.bank_rate == together.bank_rate[i]
+            assert alone.bank_angle == together.bank_angle[i]
+            assert alone.angle_of_attack == together.angle_of_attack[i]
+            assert (alone.steering, alone.health) == (together.steering[i], together.health[i])
+
+
+def test_a_simulated_flight_has_the_same_bits_alone_in_company_and_in_any_order(
+    loaded: Guidance, company: tuple[MissionFamily, Truth]
+) -> None:
+    family, truth = company
+    together = fly_batch(family, loaded, truth)
+    order = np.arange(len(family))[::-1]
+    reverse = fly_batch(family.take(order), loaded, truth.take(order))
+    alone = [fly_batch(family.take([i]), loaded, truth.take([i])) for i in (0, 4, 8)]
+    for name in ("final_states", "final_time", "peak", "activity", "saturation", "rebound"):
+        expected = getattr(together, name)
+        assert np.array_equal(getattr(reverse, name)[::-1], expected, equal_nan=True), name
+        for i, batch in zip((0, 4, 8), alone, strict=True):
+            assert np.array_equal(getattr(batch, name)[0], expected[i], equal_nan=True), name
+    for i, batch in zip((0, 4, 8), alone, strict=True):
+        k = batch.states.shape[-1]
+        assert np.array_equal(batch.states[0], together.states[i, :, :k], equal_nan=True)
+
+
+def test_before_the_first_sample_that_comes_late_the_bank_angle_is_the_first(
+    mission: Mission, loaded: Guidance, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    p = mission.nominal_parameters[None]
+    truth = nominal_truth(p, navigation_latency=0.7)
+    _, told = recorded(mission.family(p), loaded, truth, monkeypatch)
+    assert told[0][1][6, 0] == told[1][1][6, 0] == loaded.flown.rows[0, 0, 6] != 0.0

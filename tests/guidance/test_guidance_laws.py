@@ -10,9 +10,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from ampi.guidance import BankCommand, Guidance, Health, locate
+from ampi.guidance import Command, Guidance
+from ampi.onboard.health import Health
 from ampi.onboard.reference import Mode, Reference
 from ampi.tracking.bank_limiter import limited_rate
+from tests.support.steps import command
 
 Array = NDArray[np.float64]
 
@@ -53,10 +55,10 @@ def test_the_command_is_the_tracking_law_through_the_limiter(
     wanted = interpolated(reference, reference.bank_rate, time)[0] - gain @ error
     expected = float(limited_rate(synthetic.limits, state[6], rate, wanted, 0.5))
     synthetic.reset()
-    command = synthetic.command(reference, time, state, rate)
-    assert command.bank_rate == pytest.approx(expected, abs=1e-10)
-    assert command.bank_angle == pytest.approx(state[6] + 0.25 * (rate + expected), abs=1e-10)
-    assert command.health is Health.GOOD
+    got = command(synthetic, reference, time, state, rate)
+    assert got.bank_rate == pytest.approx(expected, abs=1e-10)
+    assert got.bank_angle == pytest.approx(state[6] + 0.25 * (rate + expected), abs=1e-10)
+    assert got.health is Health.GOOD
 
 
 @laws
@@ -71,26 +73,8 @@ def test_on_the_reference_its_own_bank_rate_is_commanded(
     limits = synthetic.limits  # a random reference may bank beyond them, and has to come back
     expected = np.clip(limited_rate(limits, state[6], rate, own, 0.5), -limits.rate, limits.rate)
     synthetic.reset()
-    got = synthetic.command(reference, time, state, rate).bank_rate
+    got = command(synthetic, reference, time, state, rate).bank_rate
     assert got == pytest.approx(expected, abs=1e-10)
-
-
-@laws
-@given(n=st.integers(2, 40), seed=seeds, share=st.floats(-0.5, 1.5))
-def test_locate_is_numpys_interpolation_held_at_both_ends(n: int, seed: int, share: float) -> None:
-    rng = np.random.default_rng(seed)
-    times = np.cumsum(rng.uniform(0.1, 2.0, n))
-    time = float(times[0] + share * (times[-1] - times[0]))
-    k, w = locate(times, time)
-    assert 0 <= k <= n - 2
-    assert 0.0 <= w <= 1.0
-    assert (1.0 - w) * times[k] + w * times[k + 1] == pytest.approx(
-        np.clip(time, times[0], times[-1]), rel=1e-13
-    )
-
-
-def test_locate_says_nothing_of_a_time_that_is_no_number() -> None:
-    assert np.isnan(locate(np.array([0.0, 1.0, 2.0]), float("nan"))[1])
 
 
 @laws
@@ -105,20 +89,20 @@ def test_no_numbers_raise(
 ) -> None:
     guidance = synthetic.in_mode(mode)
     reference = guidance.reference(entry)
-    command = guidance.command(reference, time, np.array(state), rate)
-    assert isinstance(command, BankCommand)
-    assert np.isfinite([command.bank_rate, command.bank_angle]).all()
+    got = command(guidance, reference, time, np.array(state), rate)
+    assert isinstance(got, Command)
+    assert np.isfinite([got.bank_rate, got.bank_angle]).all()
     assert np.all(np.isfinite(rows(reference)))
     if not np.abs(time) < 1e12:
-        assert command.health is Health.BAD_TIME
+        assert got.health is Health.BAD_TIME
     elif time >= reference.final_time:
-        assert command.health is Health.AFTER_FINAL_TIME
+        assert got.health is Health.AFTER_FINAL_TIME
     elif not np.all(np.abs([*state, rate]) < 1e12):
-        assert command.health is Health.BAD_NAVIGATION
+        assert got.health is Health.BAD_NAVIGATION
     elif not (plausible(guidance, state) and abs(rate) <= 0.2):
-        assert command.health is Health.IMPLAUSIBLE_NAVIGATION
+        assert got.health is Health.IMPLAUSIBLE_NAVIGATION
     else:
-        assert command.health is reference.health
+        assert got.health is reference.health
 
 
 def plausible(guidance: Guidance, state: list[float]) -> bool:
@@ -156,10 +140,11 @@ def test_whatever_navigation_says_the_command_can_be_flown(
     rate: float,
 ) -> None:
     """The bank angle, measured by the vehicle itself, apart."""
+    synthetic.reset()  # the limits are of commands, and this is the first
     reference = synthetic.reference(entry)
-    command = synthetic.command(reference, time, np.array([*state, bank]), rate)
-    assert abs(command.bank_rate - rate) <= 0.07 * 0.5 * (1.0 + 1e-12)
-    assert np.isfinite(command.bank_angle)
+    got = command(synthetic, reference, time, np.array([*state, bank]), rate)
+    assert abs(got.bank_rate - rate) <= 0.07 * 0.5 * (1.0 + 1e-12)
+    assert np.isfinite(got.bank_angle)
 
 
 @laws
@@ -186,7 +171,7 @@ def test_a_pickled_guidance_makes_the_same_references(
 
 def test_good(synthetic: Guidance) -> None:
     reference = synthetic.reference([0.1] * 6)
-    assert synthetic.command(reference, 10.0, reference.states[:, 5], 0.0).health is Health.GOOD
+    assert command(synthetic, reference, 10.0, reference.states[:, 5], 0.0).health is Health.GOOD
 
 
 @pytest.mark.parametrize("axis", range(6))
@@ -207,8 +192,8 @@ def test_a_boundary_reference_is_told(
     entry[axis] = value
     reference = synthetic.reference(entry)
     assert reference.clipped == tuple(i == axis for i in range(6))
-    command = synthetic.command(reference, 10.0, reference.states[:, 5], 0.0)
-    assert command.health is reference.health is health
+    got = command(synthetic, reference, 10.0, reference.states[:, 5], 0.0)
+    assert got.health is reference.health is health
 
 
 @pytest.mark.parametrize("row", range(6))
@@ -219,10 +204,10 @@ def test_bad_navigation_flies_the_references_own_bank_rate(
     reference = synthetic.reference([0.1] * 6)
     state = np.zeros(7)
     state[row] = value
-    command = synthetic.command(reference, 10.0, state, 0.0)
+    got = command(synthetic, reference, 10.0, state, 0.0)
     own = interpolated(reference, reference.bank_rate, 10.0)[0]
-    assert command.health is Health.BAD_NAVIGATION
-    assert command.bank_rate == pytest.approx(
+    assert got.health is Health.BAD_NAVIGATION
+    assert got.bank_rate == pytest.approx(
         float(limited_rate(synthetic.limits, 0.0, 0.0, own, 0.5)), abs=1e-14
     )
 
@@ -233,10 +218,10 @@ def test_after_the_final_time_the_bank_angle_is_held(synthetic: Guidance, late: 
     state, rate = 2.0 * SOME_STATE, 0.09
     for cycle in range(6):
         time = reference.final_time + late + 0.5 * cycle
-        command = synthetic.command(reference, time, state, rate)
-        assert command.health is Health.AFTER_FINAL_TIME
-        assert command.bank_rate == pytest.approx(max(0.0, 0.09 - 0.035 * (cycle + 1)), abs=1e-12)
-        state[6], rate = command.bank_angle, command.bank_rate
+        got = command(synthetic, reference, time, state, rate)
+        assert got.health is Health.AFTER_FINAL_TIME
+        assert got.bank_rate == pytest.approx(max(0.0, 0.09 - 0.035 * (cycle + 1)), abs=1e-12)
+        state[6], rate = got.bank_angle, got.bank_rate
     assert rate == 0.0
 
 
@@ -280,7 +265,7 @@ def test_the_cycle_scales_what_one_command_may_change(synthetic: Guidance) -> No
         guidance = Guidance(synthetic.table, synthetic.limits, cycle=cycle)
         eager = guidance.reference([0.1] * 6).copy()
         eager.bank_rate[:], eager.gains[:] = 9.0, 0.0  # asks for far more than the limits
-        changes.append(guidance.command(eager, 10.0, np.zeros(7), 0.0).bank_rate)
+        changes.append(command(guidance, eager, 10.0, np.zeros(7), 0.0).bank_rate)
     assert changes == pytest.approx([0.007, 0.035, 0.07], rel=1e-12)
 
 
@@ -292,8 +277,8 @@ def test_a_command_is_always_finite(synthetic: Guidance, what: str, value: float
     if what == "bank":
         state[6] = value
     rate, time = (value if what == "rate" else rate), (value if what == "time" else time)
-    command = synthetic.command(reference, time, state, rate)
-    assert command.health is (Health.BAD_TIME if what == "time" else Health.BAD_NAVIGATION)
-    assert np.isfinite(command.bank_rate)
-    assert np.isfinite(command.bank_angle)
-    assert abs(command.bank_rate) <= synthetic.limits.rate
+    got = command(synthetic, reference, time, state, rate)
+    assert got.health is (Health.BAD_TIME if what == "time" else Health.BAD_NAVIGATION)
+    assert np.isfinite(got.bank_rate)
+    assert np.isfinite(got.bank_angle)
+    assert abs(got.bank_rate) <= synthetic.limits.rate

@@ -154,9 +154,10 @@ def test_mpi_needs_its_corners_alone_and_nominal_the_centre_alone(whole: Guidanc
 def test_the_command_tells_it_and_so_does_the_copy(whole: GuidanceTable) -> None:
     guidance = Guidance(with_holes(whole, [(3, 2, 2)]), BankLimits(1.0, 0.1, 0.07))
     for p, health in (([2.5, 12.0, 6.5], Health.HOLE_REFERENCE), ([0.5, 12.0, 6.5], Health.GOOD)):
-        reference = guidance.reference(p).copy()
-        command = guidance.command(reference, 10.0, reference.states[:, 5], 0.0)
-        assert command.health is health
+        reference = guidance.reference(p)
+        guidance.follow(reference)
+        assert guidance.step(10.0, [*reference.states[:, 5], 0.0]).health is health
+        assert bool(guidance.flown.hole[0]) is reference.hole is (health is Health.HOLE_REFERENCE)
 
 
 def test_the_mask_is_checked_and_locked(whole: GuidanceTable) -> None:

@@ -13,7 +13,13 @@ FLIES = ("ampi.onboard", "ampi.tracking", "ampi.guidance")
 PARTS = tuple(
     f"onboard.{name}" for name in ("reference", "table", "row_layout", "subspace", "interpolation")
 )
-LAWS = ("tracking.bank_limiter", "tracking.linear_quadratic", "guidance")
+LAWS = (
+    "tracking.bank_limiter",
+    "tracking.linear_quadratic",
+    "tracking.drag_sliding_mode",
+    "tracking.drag_shuttle",
+    "guidance",
+)
 
 PROGRAM = """
 import importlib, json, sys

@@ -1,6 +1,8 @@
-"""A small table and three small campaigns, made here: straight lines from entry to target."""
+"""A small table and small campaigns, made here: straight lines from entry to target."""
 
 from __future__ import annotations
+
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -10,11 +12,14 @@ from ampi.missions.mission import Mission
 from ampi.missions.path_limits import PathLimits
 from ampi.onboard.reference import Mode
 from ampi.onboard.table import GuidanceTable
-from ampi.simulation.closed_loop import FlightStatus
-from ampi.simulation.dispersions import Distribution
+from ampi.physics.planet import destination
 from ampi.simulation.flights import Flights
+from ampi.simulation.plant import FlightStatus
+from ampi.simulation.uncertainties import BY_NAME
+from tests.support.flights import nominal_truth, unremarkable
 
 N, K, FINAL_TIME = 60, 30, 600.0
+TRACK = 4.8  # rad, azimuth of the nominal track
 SCATTER = {Mode.NOMINAL: 3e4, Mode.MPI: 6e3, Mode.AMPI: 2e3}  # m
 
 
@@ -73,19 +78,25 @@ def campaign(mission: Mission, mode: Mode) -> Flights:
     path[:4, 2, 5] = 1.2
     peak = path.max(axis=2)
     final = states[:, :, -1] + 0.0
-    final[:, 1] += across / 6.4e6
-    final[:, 2] += along / 6.4e6
+    target, radius = mission.target, mission.flight_model.planet.equatorial_radius
+    final[:, 1], final[:, 2] = destination(
+        target.longitude,
+        target.latitude,
+        TRACK + np.arctan2(across, along),
+        np.hypot(across, along) / radius,
+    )
     for lost in (final, along, across):
         lost[2] = np.nan
     return Flights(
+        **nominal_truth(N),
+        **unremarkable(N),
         mission=mission.name,
         mission_sha256="0" * 64,
+        guidance_sha256="1" * 64,
+        law="linear_quadratic",
         mode=mode,
         seed=11,
         cycle=0.5,
-        distribution=Distribution.NORMAL,
-        half_widths=np.array([3e-3] * 6),
-        centre=np.zeros(6),
         parameters=mission.entry_state + 1e-3 * draws,
         clipped=np.arange(N) < (0 if mode is Mode.NOMINAL else 3),
         hole=np.zeros(N, dtype=bool),
@@ -101,6 +112,9 @@ def campaign(mission: Mission, mode: Mode) -> Flights:
         states=np.where(end[:, None], np.nan, states),
         reference_states=np.where(end[:, None], np.nan, reference),
         bank_rate=np.where(end, np.nan, 0.01),
+        angle_of_attack=np.where(end, np.nan, 0.0),
+        saturation=rng.uniform(0.0, 0.1, N),
+        activity=rng.uniform(1.0, 2.0, N),
         limits=limits,
         path=np.where(end[:, None], np.nan, path),
         peak=peak,
@@ -115,3 +129,34 @@ def campaign(mission: Mission, mode: Mode) -> Flights:
 def campaigns(mission: Mission) -> dict[str, Flights]:
     """Nominal tracking, MPI and AMPI."""
     return {mode.value: campaign(mission, mode) for mode in SCATTER}
+
+
+def in_a_wrong_world(flights: Flights, law: str) -> Flights:
+    """The same draws in a world whose lift is off, which throws flights along the track."""
+    lift = 1.0 + 0.05 * np.random.default_rng(3).standard_normal(N)
+    numbers = flights.numbers.copy()
+    numbers[:, list(BY_NAME).index("lift_factor")] = lift
+    along = flights.along + 4e5 * (lift - 1.0)
+    return replace(
+        flights,
+        law=law,
+        world="everything",
+        world_sha256="f" * 64,
+        drawn="lift_factor: normal, 3σ 0.15",
+        numbers=numbers,
+        along=along,
+        miss=np.hypot(along, flights.across),
+    )
+
+
+@pytest.fixture(scope="session")
+def many(campaigns: dict[str, Flights]) -> dict[str, Flights]:
+    """Two laws in the model's world and in a wrong one, which was flown last."""
+    found = {}
+    for law in ("linear_quadratic", "drag_sliding_mode"):
+        for mode in ("ampi", "nominal"):
+            found[f"{law} at home, {mode}"] = replace(campaigns[mode], law=law)
+    for law in ("linear_quadratic", "drag_sliding_mode"):
+        for mode in ("ampi", "nominal"):
+            found[f"{law} abroad, {mode}"] = in_a_wrong_world(campaigns[mode], law)
+    return found

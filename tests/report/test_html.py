@@ -15,6 +15,7 @@ from ampi.missions.mission import Mission
 from ampi.onboard.table import GuidanceTable
 from ampi.report.exhibits import campaign_exhibits, database_exhibits
 from ampi.report.html import write_report
+from ampi.report.schemes_table import schemes_table
 from ampi.report.text import verdict_text
 from ampi.report.verdict_tables import coincident
 from ampi.simulation.flights import Flights
@@ -98,17 +99,22 @@ def test_links_have_targets(page: Page) -> None:
 
 def test_every_figure_is_described(page: Page) -> None:
     images = page.named("img")
-    assert len(images) == 12
-    assert len({str(image["alt"]) for image in images}) == 12
+    assert len(images) == 15
+    assert len({str(image["alt"]) for image in images}) == 15
     assert all(len(str(image["alt"])) > 60 for image in images)
 
 
-def test_headers_have_scope_and_rows_are_whole(page: Page) -> None:
-    assert all(a.get("scope") in ("col", "row", "rowgroup") for a in page.named("th"))
+def test_headers_have_scope_and_rows_are_whole(page: Page, campaigns: dict[str, Flights]) -> None:
+    assert all(a.get("scope") in ("col", "row", "rowgroup", "colgroup") for a in page.named("th"))
     assert page.named("html")[0]["lang"] == "en"
     assert [a for a in page.named("meta") if a.get("name") == "viewport"]
-    group, axes, ours, with_the_papers, dispersions = 1, 4, 4, 6, 8
-    assert set(map(len, page.rows)) == {group, axes, ours, with_the_papers, dispersions}
+    group, axes, ours, with_the_papers, dispersions = 1, 4, 4, 6, 6
+    groups = schemes_table(campaigns).groups
+    over, quantities = 1 + len(groups), sum(len(one.quantities) for one in groups)
+    assert set(map(len, page.rows)) == {
+        *(group, axes, ours, with_the_papers, dispersions),
+        *(over, quantities, 1 + quantities),
+    }
 
 
 def test_numbers_are_those_of_judge(page: Page, campaigns: dict[str, Flights]) -> None:
@@ -180,13 +186,12 @@ def test_the_page_says_what_was_built_drawn_and_passed(
     rows = [row for row in page.rows if row[0] == "speed_m_per_s"]
     assert rows[0] == ["speed_m_per_s", "4712.26", "-70, 0, +70", "3"]
     drawn = campaigns["ampi"].parameters[:, 3] - mission.entry.speed
-    assert rows[1][1] == "normal"
-    shown = [float(cell) for cell in rows[1][2:7]]
-    width = campaigns["ampi"].dispersions.half_widths[3]
-    expected = [0.0, width, drawn.min(), drawn.mean(), drawn.max()]
-    assert shown == pytest.approx(expected, rel=1e-3)
-    assert rows[1][7] == "100.0 %"
-    passed = next(row for row in page.rows if row[0] == "passed")
+    assert rows[1][1] == "all"
+    shown = [float(cell) for cell in rows[1][2:5]]
+    assert shown == pytest.approx([drawn.min(), drawn.mean(), drawn.max()], rel=1e-3)
+    assert rows[1][5] == "100.0 %"
+    assert campaigns["ampi"].drawn in page.text
+    passed = next(row for row in page.rows if row[0] == "passed" and len(row) == 4)
     assert [int(cell.split()[0]) for cell in passed[1:]] == [
         int(np.count_nonzero(flights.passed)) for flights in campaigns.values()
     ]
@@ -195,6 +200,73 @@ def test_the_page_says_what_was_built_drawn_and_passed(
         int(np.count_nonzero(flights.faults["position"])) for flights in campaigns.values()
     ]
     assert "Cases solved" in page.text and "9 of 9" in page.text
+
+
+@pytest.fixture(scope="module")
+def of_many(
+    tmp_path_factory: pytest.TempPathFactory,
+    mission: Mission,
+    table: GuidanceTable,
+    many: dict[str, Flights],
+) -> Page:
+    """The words of a page of eight campaigns."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("ampi.report.html._drawn", lambda *_: [])
+        path = tmp_path_factory.mktemp("many") / "report.html"
+        page = Page()
+        page.feed(write_report(path, mission, table, many, {}).read_text("utf-8"))
+    assert page.open == []
+    return page
+
+
+def test_the_wrong_world_comes_first_on_the_page(of_many: Page, many: dict[str, Flights]) -> None:
+    groups = [row[0] for row in of_many.rows if len(row) == 1][:4]
+    assert groups == [
+        f"{world}, {law}"
+        for world in ("everything", "entry")
+        for law in ("linear quadratic", "drag sliding mode")
+    ]
+    order = ["nominal", "ampi"] * 4
+    width = 1 + sum(len(one.quantities) for one in schemes_table(many).groups)
+    schemes = [row for row in of_many.rows if len(row) == width]
+    assert [row[0] for row in schemes] == order
+    abroad = judge(many["drag_sliding_mode abroad, ampi"])
+    assert schemes[3][4].split()[0] == f"{abroad.within[25e3].percent:.1f}"
+    sections = [a.get("id") for a in of_many.named("section")]
+    assert sections[0] == "schemes"
+
+
+def test_the_papers_columns_stand_beside_its_own_world_alone(of_many: Page) -> None:
+    heads = [row for row in of_many.rows if row[0] == "Quantity"]
+    assert ["AMPI 2016" in row for row in heads] == [False] * 10 + [
+        *(False, True, True, True, False) * 2
+    ]
+    assert "not comparable one to one" not in of_many.text  # a tracker of its kind was flown
+
+
+def test_what_is_drawn_is_told_by_world(of_many: Page, many: dict[str, Flights]) -> None:
+    (lift,) = [row for row in of_many.rows if row[0] == "lift_factor"]
+    drawn = many["linear_quadratic abroad, ampi"].truth.numbers["lift_factor"]
+    assert lift[1] == "everything"
+    expected = [drawn.min(), drawn.mean(), drawn.max()]
+    assert [float(cell) for cell in lift[2:5]] == pytest.approx(expected, rel=1e-3)
+    assert lift[5] == "–"
+    (speed,) = [row for row in of_many.rows if row[0] == "speed_m_per_s" and len(row) == 6]
+    assert speed[1] == "all"
+    for told in ("lift_factor: normal, 3σ 0.15", "everything (ffffffffffff)", "drag sliding mode"):
+        assert told in of_many.text
+
+
+def test_flights_are_drawn_of_the_papers_world_and_kind_of_law(
+    mission: Mission, many: dict[str, Flights], campaigns: dict[str, Flights]
+) -> None:
+    for exhibit in campaign_exhibits(mission, many):
+        assert exhibit.caption.endswith("World entry, drag sliding mode law.")
+    home = {k: f for k, f in many.items() if "linear" in k}
+    assert "World entry, linear quadratic law." in campaign_exhibits(mission, home)[0].caption
+    abroad = {k: f for k, f in many.items() if f.world == "everything"}
+    assert "World everything, linear" in campaign_exhibits(mission, abroad)[0].caption
+    assert "World" not in campaign_exhibits(mission, campaigns)[0].caption
 
 
 def test_campaigns_that_coincide_are_named(campaigns: dict[str, Flights]) -> None:

@@ -10,8 +10,8 @@ import pytest
 from ampi.missions.mission import Mission
 from ampi.report.text import WIDTH, verdict_text
 from ampi.report.verdict_tables import number, verdict_tables
-from ampi.simulation.closed_loop import FlightStatus
 from ampi.simulation.flights import Flights
+from ampi.simulation.plant import FlightStatus
 from ampi.simulation.statistics import footprint_ratio, judge
 
 
@@ -43,7 +43,7 @@ def test_shares_are_those_of_judge(mission: Mission, campaigns: dict[str, Flight
 
 def test_spreads_are_those_of_judge(mission: Mission, campaigns: dict[str, Flights]) -> None:
     text = verdict_text(mission, campaigns)
-    for heading, error in (("Miss distance", "miss"), ("Altitude error", "altitude")):
+    for heading, error in (("Miss distance", "miss"), ("Altitude error (m)", "altitude")):
         rows = block(text, heading)
         for name, flights in campaigns.items():
             spread = getattr(judge(flights), error)

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from copy import copy
 from pathlib import Path
-from typing import Any
 
-import numpy as np
 import pytest
 
 from ampi.dataset import TrajectoryDataset, read_dataset
@@ -14,11 +13,9 @@ from ampi.guidance import Guidance
 from ampi.loading import load_guidance
 from ampi.missions.loading import load_mission
 from ampi.missions.mission import Mission
-from ampi.missions.path_limits import PathLimits
-from ampi.onboard.reference import Mode
-from ampi.simulation.dispersions import Distribution
 from ampi.simulation.flights import Flights
 from tests.support.databases import small_database
+from tests.support.flights import synthetic_flights
 from tests.support.missions import small_mission
 
 
@@ -48,43 +45,19 @@ def guidance(database_file: Path) -> Guidance:
     return load_guidance(database_file)
 
 
-def synthetic_flights(n: int = 200, seed: int = 0, **changes: Any) -> Flights:
-    """A campaign of random numbers; k = 4 recorded points."""
-    rng = np.random.default_rng(seed)
-    along, across = 20e3 * rng.standard_normal(n), 10e3 * rng.standard_normal(n)
-    values: dict[str, Any] = {
-        "mission": "synthetic",
-        "mission_sha256": "0" * 64,
-        "mode": Mode.AMPI,
-        "seed": 7,
-        "cycle": 0.5,
-        "distribution": Distribution.NORMAL,
-        "half_widths": np.ones(6),
-        "centre": np.zeros(6),
-        "parameters": np.random.default_rng(99).standard_normal((n, 6)),
-        "clipped": rng.random(n) < 0.2,
-        "hole": np.arange(n) % 7 == 0,
-        "status": np.zeros(n, dtype=np.int64),
-        "final_states": rng.standard_normal((n, 7)),
-        "final_time": rng.uniform(500.0, 600.0, n),
-        "miss": np.hypot(along, across),
-        "along": along,
-        "across": across,
-        "altitude_error": 100.0 * rng.standard_normal(n),
-        "speed_error": 1e-6 * rng.standard_normal(n),
-        "times": np.arange(4.0),
-        "states": rng.standard_normal((n, 7, 4)),
-        "reference_states": rng.standard_normal((n, 7, 4)),
-        "bank_rate": rng.standard_normal((n, 4)),
-        "limits": PathLimits().names,
-        "path": rng.uniform(0.0, 1.1, (n, 5, 4)),
-        "peak": rng.uniform(0.5, 1.1, (n, 5)),
-        "position_tolerance": 25e3,
-        "altitude_tolerance": 150.0,
-        "speed_tolerance": 25.0,
-        "radii": np.array([3e3, 6.5e3, 13e3, 25e3]),
-    }
-    return Flights(**{**values, **changes})
+@pytest.fixture(scope="session")
+def short(mission: Mission) -> Mission:
+    """A flight of a minute: to a speed that it passes soon."""
+    target = mission.target.model_copy(update={"speed": 4000.0, "altitude": 55e3})
+    return mission.model_copy(update={"target": target})
+
+
+@pytest.fixture(scope="session")
+def short_guidance(short: Mission, guidance: Guidance) -> Guidance:
+    """The table of the whole flight as if it were of the short one."""
+    own = copy(guidance)
+    own.mission_sha256 = short.digest
+    return own
 
 
 @pytest.fixture(scope="session")

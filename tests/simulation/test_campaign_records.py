@@ -27,6 +27,8 @@ from ampi.simulation.campaign_records import (
     is_flown,
 )
 from ampi.simulation.flights_file import load_campaigns
+from ampi.simulation.profiles import ALTITUDES
+from ampi.simulation.uncertainties import BY_NAME
 from ampi.workers.job import JobError
 
 HERE = Path(__file__).parent
@@ -69,34 +71,42 @@ def flown(campaign: str, number: int) -> dict[str, np.ndarray]:
     """A batch, the same on every call."""
     rng, k = np.random.default_rng([CAMPAIGNS.index(campaign), number]), POINTS[number]
     numbers = ("final_time", "miss", "along", "across", "altitude_error", "speed_error")
+    counted = ("saturation", "activity", "rebound", "distance", "least_range", "greatest_range")
     return {
+        "numbers": rng.random((SIZE, len(BY_NAME))),
+        "density": rng.random((SIZE, len(ALTITUDES))),
+        "wind": rng.random((SIZE, 2, len(ALTITUDES))),
+        "seeds": rng.integers(2**52, size=SIZE).astype(np.uint64),
         "parameters": rng.standard_normal((SIZE, 2)),
         "clipped": rng.random(SIZE) < 0.5,
         "hole": rng.random(SIZE) < 0.5,
         "status": np.zeros(SIZE, dtype=np.int64),
         "final_states": rng.standard_normal((SIZE, N_STATES)),
-        **{name: rng.random(SIZE) for name in numbers},
+        **{name: rng.random(SIZE) for name in (*numbers, *counted)},
         "time": 5.0 * np.arange(k),
         "states": rng.standard_normal((SIZE, N_STATES, k)),
         "reference_states": rng.standard_normal((SIZE, N_STATES, k)),
-        "bank_rate": rng.standard_normal((SIZE, k)),
+        **{name: rng.standard_normal((SIZE, k)) for name in ("bank_rate", "angle_of_attack")},
         "path": rng.random((SIZE, 1, k)),
         "peak": rng.random((SIZE, 1)),
     }
 
 
 def heading(mode: str) -> Heading:
+    words = ("world", "world_sha256", "world_toml", "drawn", "pool", "law", "guidance_sha256")
+    numbers = ("position_tolerance", "altitude_tolerance", "speed_tolerance", "entry_altitude")
     attributes = {
         "mission": "synthetic",
         "mission_sha256": "0" * 64,
         "mode": mode,
+        "profiles": "density wind",
         "seed": 7,
         "cycle": 0.1,
-        "distribution": "normal",
-        **dict.fromkeys(("position_tolerance", "altitude_tolerance", "speed_tolerance"), 1e3),
+        **{name: f"{name} {mode}" for name in words},
+        **dict.fromkeys(numbers, 1e3),
     }
-    fixed = {"half_widths": np.ones(2), "centre": np.zeros(2), "radius": np.array([3e3])}
-    return Heading(COUNT, attributes, {**fixed, "limit": np.array(["heat_flux"], "S20")})
+    fixed = {"radius": np.array([3e3]), "limit": np.array(["heat_flux"], "S20")}
+    return Heading(COUNT, attributes, fixed)
 
 
 def fly(
@@ -153,17 +163,33 @@ def test_the_file_holds_what_was_flown(tmp_path: Path, quiet: bytes) -> None:
     assert list(loaded) == list(CAMPAIGNS)
     for name, flights in loaded.items():
         batches = [flown(name, k) for k in range(COUNT)]
-        for one in ("miss", "clipped", "parameters", "peak"):
-            assert np.array_equal(getattr(flights, one), np.concatenate([b[one] for b in batches]))
+        for one in ("miss", "clipped", "parameters", "peak", "seeds", "wind", "greatest_range"):
+            assert np.array_equal(
+                getattr(flights, one)[()], np.concatenate([b[one] for b in batches])
+            )
         for k, batch in enumerate(batches):
             states = flights.states[SIZE * k : SIZE * (k + 1)]
             assert np.array_equal(states[..., : POINTS[k]], batch["states"])
             assert np.isnan(states[..., POINTS[k] :]).all()
         assert flights.times.tolist() == [0.0, 5.0, 10.0, 15.0]
         assert (flights.mode.value, flights.limits) == (name, ("heat_flux",))
+        assert flights.drawn == f"drawn {name}"
     assert is_flown(path, IDENTITY)
-    assert not is_flown(path, {**IDENTITY, "seed": "8"})
     assert not is_flown(tmp_path / "absent.h5", IDENTITY)
+
+
+def test_a_whole_file_of_another_campaign_is_not_overwritten(tmp_path: Path, quiet: bytes) -> None:
+    path = tmp_path / "a.h5"
+    path.write_bytes(quiet)
+    message = (
+        r"a\.h5 holds results of another campaign \(different seed \(7 there, 8 here\)\); nothing"
+    )
+    with pytest.raises(CampaignError, match=message):
+        is_flown(path, {**IDENTITY, "seed": "8"})
+    with pytest.raises(CampaignError, match=r"different seed \(7 there, none here\)"):
+        is_flown(path, {name: value for name, value in IDENTITY.items() if name != "seed"})
+    path.write_bytes(quiet[:-1])  # a file that is not whole has nothing to lose
+    assert not is_flown(path, IDENTITY)
 
 
 def test_a_worker_that_is_killed_costs_its_batch(
@@ -323,18 +349,3 @@ def test_a_path_that_cannot_be_is_one_sentence(tmp_path: Path, marks: Path) -> N
         fly(tmp_path / "absent" / "a.h5", marks)
     with pytest.raises(CampaignError, match="expected a file to write, got a folder"):
         fly(marks, marks)
-
-
-@pytest.mark.slow
-def test_a_cluster_flies_the_same(
-    tmp_path: Path, marks: Path, quiet: bytes, importable: Any
-) -> None:
-    """With workers that die, of the cluster's own making."""
-    distributed = pytest.importorskip("distributed")
-    options: dict[str, Any] = {"processes": True, "dashboard_address": None}
-    with (
-        distributed.LocalCluster(n_workers=2, threads_per_worker=1, **options) as cluster,
-        distributed.Client(cluster) as client,
-    ):
-        importable.fly(tmp_path / "a.h5", marks, client=client, dies=True)
-    assert (tmp_path / "a.h5").read_bytes() == quiet

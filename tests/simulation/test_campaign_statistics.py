@@ -13,9 +13,10 @@ from scipy import stats
 
 from ampi.missions.path_limits import KEPT
 from ampi.onboard.reference import Mode
-from ampi.simulation.closed_loop import FlightStatus
+from ampi.simulation.estimates.paired import Flown, paired
 from ampi.simulation.estimates.spreads import Sizes
 from ampi.simulation.flights import Flights
+from ampi.simulation.plant import FlightStatus
 from ampi.simulation.statistics import (
     TABLE_5_RADII,
     Fraction,
@@ -23,6 +24,8 @@ from ampi.simulation.statistics import (
     ellipse_area,
     footprint_ratio,
     judge,
+    paired_with_nominal,
+    ratio_to_nominal,
 )
 
 FlightMaker = Callable[..., Flights]
@@ -216,19 +219,22 @@ def test_the_verdict_is_plain_numbers_for_json(make_flights: FlightMaker) -> Non
 def test_the_verdict_counts_lost_flights_as_infinitely_far(make_flights: FlightMaker) -> None:
     lost = list(range(0, 100, 25))
     flights = make_flights(100, status=statuses(100, lost))
-    verdict = judge(flights, per_flight={"saturation": np.linspace(0.0, 1.0, 100)})
+    verdict = judge(flights)
     arrived = np.delete(flights.miss, lost)
     assert verdict.misses == Sizes.of(np.r_[arrived, np.full(4, np.inf)])
     assert (verdict.misses.lost, verdict.misses.worst_mean.value) == (4, np.inf)
     assert verdict.misses.median.value > verdict.miss.median
     assert verdict.containment is not None
     assert (verdict.containment.holds, verdict.containment.n) == (95, 100)
-    assert verdict.means["saturation"].value == pytest.approx(0.5)
-    assert verdict.classes is None
+    for name in ("saturation", "activity"):
+        assert verdict.means[name].value == pytest.approx(getattr(flights, name).mean())
+    assert sum(share.count for share in verdict.classes.values()) == 100
+    assert verdict.classes["NONE"].count == verdict.passed.count
+    assert verdict.classes["GROUND"].count == 2  # of four lost flights, by turns
     plain = verdict.as_dict()
     assert plain["misses"]["median"]["value"] == verdict.misses.median.value
     assert plain["containment"]["semi_axes"] == list(verdict.containment.semi_axes)
-    assert plain["means"]["saturation"]["low"] < 0.5
+    assert plain["means"]["saturation"]["low"] < flights.saturation.mean()
 
 
 # --- footprints -----------------------------------------------------------------------------------
@@ -344,3 +350,29 @@ def test_too_few_common_flights_are_refused(make_flights: FlightMaker, failed: i
     assert (
         footprint_ratio(flights, make_flights(60, status=statuses(60, list(range(30))))).ratio == 1
     )
+
+
+def test_nominal_tracking_is_that_of_the_same_law_world_and_draws(
+    make_flights: FlightMaker,
+) -> None:
+    """Whatever else lies in the file, and in whatever order."""
+    flights = make_flights(60, 1)
+    own = make_flights(60, 2, mode=Mode.NOMINAL, status=statuses(60, [5, 6]))
+    others = {
+        "law": make_flights(60, 3, mode=Mode.NOMINAL, law="drag_sliding_mode"),
+        "world": make_flights(60, 4, mode=Mode.NOMINAL, world_sha256="f" * 64),
+        "cycle": make_flights(60, 5, mode=Mode.NOMINAL, cycle=0.1),
+        "draws": make_flights(60, 6, mode=Mode.NOMINAL, parameters=flights.parameters + 1.0),
+        "truth": make_flights(60, 7, mode=Mode.NOMINAL, numbers=flights.numbers + 1.0),
+        "mode": make_flights(60, 8, mode=Mode.MPI),
+    }
+    assert paired_with_nominal(flights, others, (1e3,)) is None
+    assert ratio_to_nominal(flights, others) is None
+    every = {**others, "own": own, "flights": flights}
+    lost = np.where(own.reached, own.miss, np.inf)
+    expected = paired(
+        Flown(flights.parameters, flights.miss), Flown(own.parameters, lost), (5e3, 25e3)
+    )
+    assert paired_with_nominal(flights, every, (5e3, 25e3)) == expected
+    assert ratio_to_nominal(flights, every) == footprint_ratio(flights, own)
+    assert paired_with_nominal(own, every, (5e3,)) is None

@@ -11,9 +11,11 @@ import pytest
 
 from ampi.missions.mission import Mission
 from ampi.onboard.reference import Mode
-from ampi.simulation.closed_loop import FlightStatus
+from ampi.simulation.estimates.failures import FailureClass
 from ampi.simulation.flights import Flights
-from ampi.simulation.flights_csv import write_flights_csv
+from ampi.simulation.flights_csv import ENDS, write_flights_csv
+from ampi.simulation.plant import FlightStatus
+from ampi.simulation.uncertainties import BY_NAME
 
 FlightMaker = Callable[..., Flights]
 
@@ -25,7 +27,14 @@ def test_each_flight_of_each_campaign_is_a_row(
     status = np.array([0, 1, 0, 0])
     miss = np.array([10.0, np.nan, 30e3, 40.0])
     common = {"status": status, "miss": miss, "mission_sha256": sha256}
-    campaigns = {mode.value: make_flights(4, mode=mode, **common) for mode in (Mode.AMPI, Mode.MPI)}
+    numbers = make_flights(4).numbers.copy()
+    lift, angle = (list(BY_NAME).index(name) for name in ("lift_factor", "angle_of_attack_error"))
+    numbers[:, lift], numbers[2, angle] = [1.1, 0.9, 1.0, 1.05], 0.01
+    worlds = {Mode.AMPI: {"numbers": numbers, "world": "lift"}, Mode.MPI: {}}
+    campaigns = {
+        mode.value: make_flights(4, mode=mode, **common, **changes)
+        for mode, changes in worlds.items()
+    }
     path = tmp_path / "flights.csv"
     write_flights_csv(path, shefex3, campaigns)
     with path.open(newline="", encoding="utf-8") as file:
@@ -33,11 +42,21 @@ def test_each_flight_of_each_campaign_is_a_row(
     assert [(row["campaign"], row["flight"]) for row in rows] == [
         (name, str(i)) for name in campaigns for i in range(4)
     ]
+    varied = {"lift_factor": lift, "angle_of_attack_error_rad": angle}
+    assert [c for c in rows[0] if c.startswith(tuple(BY_NAME))] == [*varied]  # and no other
     for name, flights in campaigns.items():
         own = [row for row in rows if row["campaign"] == name]
         for i, row in enumerate(own):
             assert float(row["azimuth_deg"]) == pytest.approx(np.degrees(flights.parameters[i, 5]))
             assert float(row["altitude_m"]) == pytest.approx(flights.parameters[i, 0])
+            assert (row["law"], row["reference"]) == (flights.law, name)
+            assert row["world"] == flights.world
+            assert row["failure"] == FailureClass(flights.failures[i]).name
+            for column, place in varied.items():
+                assert float(row[column]) == pytest.approx(flights.numbers[i, place])
+            for column, own_name in ENDS.items():
+                value = getattr(flights, own_name)[i]
+                assert float(row[column]) == pytest.approx(value, nan_ok=True)
             assert float(row["miss_m"]) == pytest.approx(flights.miss[i], nan_ok=True)
             assert float(row["peak_load_factor_over_limit"]) == pytest.approx(flights.peak[i, 2])
             assert row["status"] == FlightStatus(flights.status[i]).name

@@ -184,7 +184,7 @@ class Made:
             chosen = np.arange(first, first + count) % len(self.arrays["miss"])
             batch = {name: values[chosen] for name, values in self.arrays.items()}
             for name, values in batch.items():
-                if FIELDS[name].is_history:
+                if TIME in FIELDS[name].dimensions:
                     batch[name] = values[..., :k]
             yield {**batch, TIME: self.times[:k], **self.instead}
             first += count
@@ -219,6 +219,7 @@ def test_the_memory_does_not_grow_with_the_flights(make_flights: Maker, tmp_path
         100,
         times=np.arange(float(k)),
         bank_rate=np.zeros((100, k)),
+        angle_of_attack=np.zeros((100, k)),
         path=np.zeros((100, 5, k)),
         **changes,
     )

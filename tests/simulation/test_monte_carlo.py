@@ -13,53 +13,68 @@ from ampi.guidance import Guidance
 from ampi.missions.mission import Mission
 from ampi.onboard.reference import Mode
 from ampi.physics.path_constraints import path_constraints
-from ampi.simulation.closed_loop import FlightStatus
-from ampi.simulation.dispersions import Dispersions, Distribution
+from ampi.simulation import monte_carlo
 from ampi.simulation.flights import Flights
-from ampi.simulation.monte_carlo import BATCH, fly, fly_modes
+from ampi.simulation.monte_carlo import Scheme, fly, fly_schemes
+from ampi.simulation.plant import FlightStatus
 from ampi.simulation.statistics import judge
 from tests.support.flights import assert_identical
+from tests.support.worlds import world
 
 pytestmark = pytest.mark.slow
 
-N = 230
+N, BATCH = 23, 10
+FEW: dict[str, Any] = {"n_jobs": 1, "cycle": 0.5, "record_every": 60.0}
+UNIFORM = 'name = "w"\ntitle = "W"\n[entry]\ndistribution = "uniform"\nscale = {}\n'
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _small_batches() -> Any:
+    with pytest.MonkeyPatch.context() as patched:
+        patched.setattr(monte_carlo, "BATCH", BATCH)
+        yield
 
 
 @pytest.fixture(scope="module")
-def campaign(mission: Mission, guidance: Guidance) -> Flights:
-    """230 flights on one process."""
-    return fly(mission, guidance, n=N, seed=5, n_jobs=1)
+def campaign(short: Mission, short_guidance: Guidance) -> Flights:
+    """23 flights in one process."""
+    return fly(short, short_guidance, n=N, seed=5, n_jobs=1, cycle=0.5)
 
 
 # --- laws -----------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("n_jobs", [2, 3])
 def test_the_numbers_do_not_depend_on_the_workers(
-    mission: Mission, guidance: Guidance, campaign: Flights, n_jobs: int
+    short: Mission, short_guidance: Guidance, campaign: Flights
 ) -> None:
     """And the progress counts every flight once."""
-    assert N > 2 * BATCH
     seen: list[int] = []
-    flights = fly(mission, guidance, n=N, seed=5, n_jobs=n_jobs, advance=seen.append)
+    options: dict[str, Any] = {"n_jobs": 3, "cycle": 0.5, "advance": seen.append}
+    flights = fly(short, short_guidance, n=N, seed=5, **options)
     assert_identical(flights, campaign)
     assert seen == [BATCH, BATCH, N - 2 * BATCH]
 
 
 def test_more_flights_leave_the_first_ones_as_they_are(
-    mission: Mission, guidance: Guidance, campaign: Flights
+    short: Mission, short_guidance: Guidance, campaign: Flights
 ) -> None:
-    few = fly(mission, guidance, n=30, seed=5, n_jobs=1)
-    assert np.array_equal(few.parameters, campaign.parameters[:30])
-    assert np.array_equal(few.status, campaign.status[:30])
-    assert few.final_states == pytest.approx(campaign.final_states[:30], rel=1e-9)
+    few = fly(short, short_guidance, n=7, seed=5, n_jobs=1, cycle=0.5)
+    for name in ("parameters", "seeds", "status", "final_states", "peak"):
+        assert np.array_equal(getattr(few, name), getattr(campaign, name)[:7])
 
 
-def test_what_is_derived_follows_from_what_is_recorded(
-    mission: Mission, guidance: Guidance, campaign: Flights
-) -> None:
-    final, target = campaign.final_states, mission.target
-    radius = mission.flight_model.planet.equatorial_radius
+def test_tuning_and_reported_draws_are_others(short: Mission, short_guidance: Guidance) -> None:
+    """As are those of another seed: no flight of one is in the other."""
+    options: list[dict[str, Any]] = [{}, {"pool": "tuning"}, {"seed": 2017}]
+    drawn = [fly(short, short_guidance, n=5, **FEW, **one) for one in options]
+    assert [flights.pool for flights in drawn] == ["reported", "tuning", "reported"]
+    rows = np.concatenate([flights.parameters for flights in drawn])
+    assert len(np.unique(rows, axis=0)) == len(rows)
+
+
+def test_what_is_derived_follows_from_what_is_recorded(short: Mission, campaign: Flights) -> None:
+    final, target = campaign.final_states, short.target
+    radius = short.flight_model.planet.equatorial_radius
 
     def unit(longitude: np.ndarray, latitude: np.ndarray) -> np.ndarray:
         return np.stack(
@@ -78,17 +93,36 @@ def test_what_is_derived_follows_from_what_is_recorded(
     assert np.hypot(campaign.along, campaign.across) == pytest.approx(campaign.miss, rel=1e-9)
     assert np.array_equal(campaign.altitude_error, final[:, 0] - target.altitude)
     assert np.array_equal(campaign.speed_error, final[:, 3] - target.speed)
-    k = 7
+    k = 7  # in the world `entry` the truth is the model
     state = campaign.states[:, :, k].T
-    q, heat, load = path_constraints(mission.flight_model, state, campaign.times[k])
-    limits = mission.limits
+    q, heat, load = path_constraints(short.flight_model, state, campaign.times[k])
+    limits = short.limits
     for i, over in enumerate(
         (q / limits.dynamic_pressure, heat / limits.heat_flux, load / limits.load_factor)
     ):
         assert campaign.path[:, i, k] == pytest.approx(over, rel=1e-12)
     assert campaign.n == N
-    assert (campaign.mode, campaign.seed, campaign.distribution) == (Mode.AMPI, 5, "normal")
-    assert campaign.mission == "shefex3"
+    assert (campaign.mode, campaign.seed, campaign.pool) == (Mode.AMPI, 5, "reported")
+    assert (campaign.mission, campaign.world, campaign.profiles) == ("shefex3", "entry", "")
+    assert campaign.drawn.split("\n")[0] == "entry.speed: normal, 3σ 70 m/s"
+
+
+def test_what_is_recorded_is_of_the_truth(short: Mission, short_guidance: Guidance) -> None:
+    """The recorded use of a limit is one of those that the peak is the greatest of, to the bit."""
+    thick = world("[density]\nfactor = 1.3\nnoise = 0.05\n[wind]\neast_m_per_s = 80.0\n")
+    flights = fly(short, short_guidance, thick, n=4, **{**FEW, "record_every": 0.5})
+    assert flights.profiles == "density wind"
+    recorded = np.nanmax(flights.path, axis=2)
+    assert np.all(recorded <= flights.peak)
+    # each cycle is a plant step, and the flight ends after the peak of the heat flux
+    assert np.array_equal(recorded[:, 1], flights.peak[:, 1])
+    assert np.isnan(flights.path[..., -1]).any()
+    drawn, kept = thick.draw(short, 4, 2016), flights.truth
+    assert np.array_equal(kept.density, drawn.density)
+    assert np.array_equal(kept.wind, drawn.wind)
+    assert {name: values.tolist() for name, values in kept.numbers.items()} == {
+        name: values.tolist() for name, values in drawn.numbers.items()
+    }
 
 
 def of_another(mission: Mission, guidance: Guidance) -> Guidance:
@@ -98,7 +132,7 @@ def of_another(mission: Mission, guidance: Guidance) -> Guidance:
     return table
 
 
-@pytest.mark.parametrize(("along", "across"), [(8e3, 0.0), (-8e3, 0.0), (0.0, 8e3), (3e3, -6e3)])
+@pytest.mark.parametrize(("along", "across"), [(8e3, 0.0), (0.0, 8e3), (-3e3, -6e3)])
 def test_along_points_down_range_and_across_to_the_right(
     mission: Mission, guidance: Guidance, along: float, across: float
 ) -> None:
@@ -115,7 +149,7 @@ def test_along_points_down_range_and_across_to_the_right(
         }
     )
     other = mission.model_copy(update={"target": moved})
-    flights = fly(other, of_another(other, guidance), n=5, n_jobs=1, record_every=1e3)
+    flights = fly(other, of_another(other, guidance), n=5, **FEW)
     assert np.abs(flights.along - along).max() < 300.0
     assert np.abs(flights.across - across).max() < 300.0
 
@@ -125,95 +159,67 @@ def test_a_campaign_does_not_depend_on_the_turn_of_its_target(
 ) -> None:
     target = mission.target.model_copy(update={"longitude": mission.target.longitude + 2.0 * np.pi})
     other = mission.model_copy(update={"target": target})
-    here, there = (
-        fly(m, of_another(m, guidance), n=5, n_jobs=1, record_every=1e3) for m in (mission, other)
-    )
+    here, there = (fly(m, of_another(m, guidance), n=5, **FEW) for m in (mission, other))
     for name in ("miss", "along", "across"):
         assert getattr(there, name) == pytest.approx(getattr(here, name), abs=1e-6)
 
 
-def test_modes_fly_the_same_draws(mission: Mission, guidance: Guidance) -> None:
-    flown = {
-        mode: fly(mission, guidance.in_mode(mode), n=12, seed=8, n_jobs=1, record_every=60.0)
-        for mode in Mode
-    }
-    for mode, flights in flown.items():
-        assert flights.mode is mode
-        assert np.array_equal(flights.parameters, flown[Mode.AMPI].parameters)
-    assert len({f.miss.tobytes() for f in flown.values()}) == len(Mode)
-    assert not flown[Mode.NOMINAL].clipped.any()
-    for modes in ("mpi", [Mode.MPI], ["mpi", "mpi"]):
-        named = fly_modes(mission, guidance, modes, n=2, seed=8, n_jobs=1, record_every=60.0)
-        assert list(named) == [Mode.MPI]
-        assert named[Mode.MPI].miss == pytest.approx(flown[Mode.MPI].miss[:2], rel=1e-6)
-    with pytest.raises(
-        ValueError, match="mode: expected one of nominal, mpi, ampi, quadratic, got"
-    ):
-        fly_modes(mission, guidance, ["best"], n=2)
+def test_schemes_fly_the_same_draws(short: Mission, short_guidance: Guidance) -> None:
+    """Each as it flies alone; a world that draws more leaves what both draw as it is."""
+    lift = world('[aerodynamics]\nlift_factor = { distribution = "normal", three_sigma = 0.1 }\n')
+    schemes = {mode.value: Scheme(short_guidance.in_mode(mode)) for mode in Mode}
+    schemes["lift"] = Scheme(short_guidance, lift)
+    flown = fly_schemes(short, schemes, 4, seed=8, **FEW)
+    assert list(flown) == list(schemes)
+    for flights in flown.values():
+        assert np.array_equal(flights.parameters, flown["ampi"].parameters)
+    assert [flown[mode.value].mode for mode in Mode] == list(Mode)
+    assert len({flights.miss.tobytes() for flights in flown.values()}) == len(schemes)
+    assert not flown["nominal"].clipped.any()
+    assert_identical(fly(short, short_guidance, lift, 4, seed=8, **FEW), flown["lift"])
+    with pytest.raises(ValueError, match="schemes: expected at least one, got none"):
+        fly_schemes(short, {}, 4)
+    with pytest.raises(ValueError, match=r"schemes: expected an ampi\.Scheme by each name, got 'e"):
+        fly_schemes(short, {"a": "entry"}, 4)  # type: ignore[dict-item]
 
 
 def test_flights_are_flown_at_the_cycle_that_is_asked_for(
-    mission: Mission, guidance: Guidance
+    short: Mission, short_guidance: Guidance
 ) -> None:
-    every = fly(mission, guidance, n=3, n_jobs=1, cycle=2.0, record_every=0.1)
+    every = fly(short, short_guidance, n=3, **{**FEW, "cycle": 2.0, "record_every": 0.1})
     assert every.cycle == 2.0
     assert np.all(np.diff(every.times) == 2.0)  # the record follows the cycle
     slopes = np.diff(every.bank_rate, axis=1) / 2.0
-    limit = mission.limits.bank_acceleration
+    limit = short.limits.bank_acceleration
     assert np.nanmax(np.abs(slopes)) <= limit * (1 + 1e-9)
     assert every.reached.all()
-    assert guidance.cycle == 0.5
-    assert not np.array_equal(every.miss, fly(mission, guidance, n=3, n_jobs=1).miss)
-
-
-@pytest.mark.parametrize(
-    ("options", "message"),
-    [
-        ({"n": 0}, "n: expected at least one flight, a whole number; got 0"),
-        ({"n": 1.5}, r"n: expected at least one flight, a whole number; got 1\.5"),
-        ({"n": True}, "n: expected at least one flight, a whole number; got True"),
-        ({"seed": -1}, "seed: expected a whole number, 0 or greater, got -1"),
-        ({"seed": 1.5}, r"seed: expected a whole number, 0 or greater, got 1\.5"),
-        ({"n_jobs": 0}, "n_jobs: expected at least 1 worker process, got 0"),
-        ({"cycle": 0.0}, "cycle: expected"),
-        ({"record_every": -5}, "record_every: expected a positive number of seconds, got -5"),
-        ({"record_every": float("nan")}, "record_every: expected a positive number .* got nan"),
-        ({"record_every": "often"}, "record_every: expected a positive number .* got 'often'"),
-        ({"mission": "shefex3"}, "mission: expected a mission, from ampi.load_mission.*'shefex3'"),
-        ({"guidance": "small.h5"}, "guidance: expected guidance, from ampi.load_guidance.*small"),
-        ({"dispersions": "normal"}, "dispersions: expected ampi.Dispersions, or None .*'normal'"),
-        ({"dispersions": Dispersions((1.0,) * 3)}, "expected 2 numbers for speed, .*, got 3"),
-    ],
-)
-def test_misuse_is_one_sentence_before_anything_flies(
-    mission: Mission, guidance: Guidance, options: dict[str, Any], message: str
-) -> None:
-    flown: list[int] = []
-    arguments = {"mission": mission, "guidance": guidance, "n": 3, "n_jobs": 1, **options}
-    with pytest.raises(ValueError, match=message) as told:
-        fly(**arguments, advance=flown.append)
-    assert not flown
-    assert "\n" not in str(told.value)
+    assert short_guidance.cycle == 0.5
+    assert not np.array_equal(every.miss, fly(short, short_guidance, n=3, **FEW).miss)
 
 
 # --- flights that fail ----------------------------------------------------------------------------
 
 
-def test_absurd_dispersions_are_recorded_not_dropped(mission: Mission, guidance: Guidance) -> None:
+def test_absurd_entries_are_recorded_not_dropped(
+    mission: Mission, guidance: Guidance, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """Every flight has a status; those that did not arrive are in no circle."""
-    absurd = Dispersions((4000.0, 0.6), Distribution.UNIFORM)
-    flights = fly(mission, guidance, absurd, n=120, seed=3, n_jobs=2)
-    assert flights.n == len(flights.status) == 120
-    assert flights.distribution == "uniform"
+    monkeypatch.setattr(monte_carlo, "BATCH", 30)
+    absurd = world(head=UNIFORM.format(50.0))
+    flights = fly(mission, guidance, absurd, n=30, seed=3, n_jobs=1, cycle=1.0)
+    assert flights.n == len(flights.status) == 30
     assert set(flights.status.tolist()) <= {int(s) for s in FlightStatus}
     failed = ~flights.reached
-    assert 0 < failed.sum() < 120
+    assert 0 < failed.sum() < 30
     assert np.all(flights.speed_error[flights.status == int(FlightStatus.TIME_LIMIT)] > 0.0)
     assert flights.speed_error[flights.reached] == pytest.approx(0.0, abs=0.05)
     verdict = judge(flights)
-    assert sum(ring.count for ring in verdict.rings) == 120
+    assert sum(ring.count for ring in verdict.rings) == 30
     assert verdict.rings[-1].count >= failed.sum()
     assert verdict.reached.count == flights.reached.sum()
+    assert verdict.classes is not None
+    assert sum(share.count for share in verdict.classes.values()) == 30
+    assert verdict.classes["OUT_OF_REACH"].count > 0
 
 
 @pytest.mark.parametrize(
@@ -224,6 +230,8 @@ def test_absurd_dispersions_are_recorded_not_dropped(mission: Mission, guidance:
         ({"status": np.full(5, 9)}, "flights.status: expected members of FlightStatus"),
         ({"miss": np.full(5, np.nan)}, "flights.miss: expected finite numbers of every flight"),
         ({"peak": np.ones((5, 2))}, r"flights.peak: expected an array of shape \(5, 5\)"),
+        ({"numbers": np.ones((5, 2))}, r"flights.numbers: expected an array of shape \(5, \d+\)"),
+        ({"wind": np.ones((5, 2))}, r"flights.wind: expected an array of shape \(5, 2, 131\)"),
         ({"times": np.zeros(4)}, "expected times, and radii above 0, that increase strictly"),
         ({"altitude_tolerance": np.nan}, "expected positive tolerances"),
     ],

@@ -26,7 +26,7 @@ laws = settings(deadline=None, max_examples=60)
 def test_it_stops_at_the_first_batch_that_is_narrow_enough(
     share: float, width: float, batch: int, n: int, seed: int
 ) -> None:
-    rule = StopRule("within 5 km", width, batch)
+    rule = StopRule(5e3, width, batch)
     hits = np.random.default_rng(seed).random(n) < share
     widths = {k: Fraction.of(hits[:k]).width for k in range(batch, n + 1, batch)}
     stop = stop_at(hits, rule)
@@ -55,19 +55,19 @@ def coverage(share: float, rule: StopRule) -> float:
 @pytest.mark.parametrize("share", [0.01, 0.036, 0.117, 0.3, 0.5, 0.964])
 @pytest.mark.parametrize("width", [0.05, 0.1])
 def test_looking_again_and_again_costs_a_percent_at_the_most(share: float, width: float) -> None:
-    assert coverage(share, StopRule("passed", width)) > 0.939
+    assert coverage(share, StopRule(5e3, width)) > 0.939
 
 
 def test_looking_at_every_flight_costs_more() -> None:
     """The worst case of the rule, so that the docstring's warning is no formality."""
-    assert coverage(0.117, StopRule("passed", 0.1, batch=1)) < coverage(
-        0.117, StopRule("passed", 0.1, batch=100)
+    assert coverage(0.117, StopRule(5e3, 0.1, batch=1)) < coverage(
+        0.117, StopRule(5e3, 0.1, batch=100)
     )
 
 
 @pytest.mark.parametrize(("share", "width"), [(0.0, 0.01), (0.5, 0.05), (0.9, 0.04), (1.0, 0.02)])
 def test_the_flights_to_plan(share: float, width: float) -> None:
-    rule = StopRule("passed", width, batch=50)
+    rule = StopRule(5e3, width, batch=50)
     n = flights_needed(share, rule)
     assert n % 50 == 0
     assert Fraction.counted(round(share * n), n).width <= width
@@ -77,7 +77,7 @@ def test_the_flights_to_plan(share: float, width: float) -> None:
 
 def test_the_flights_to_plan_are_about_those_of_a_normal() -> None:
     """n = (2 · 1.96)² p (1 − p)/w²."""
-    rule = StopRule("passed", 0.02, batch=1)
+    rule = StopRule(5e3, 0.02, batch=1)
     expected = (2.0 * 1.96 / 0.02) ** 2 * 0.3 * 0.7
     assert flights_needed(0.3, rule) == pytest.approx(expected, rel=0.02)
 
@@ -85,15 +85,15 @@ def test_the_flights_to_plan_are_about_those_of_a_normal() -> None:
 @pytest.mark.parametrize("width", [0.0, -0.1, 1.0, float("nan")])
 def test_a_width_that_is_none(width: float) -> None:
     with pytest.raises(ValueError, match="width: expected a share between 0 and 1"):
-        StopRule("passed", width)
+        StopRule(5e3, width)
 
 
 @pytest.mark.parametrize("batch", [0, -1, 2.5])
 def test_a_batch_that_is_none(batch: int) -> None:
     with pytest.raises(ValueError, match="batch: expected a number of flights of at least 1"):
-        StopRule("passed", 0.1, batch)
+        StopRule(5e3, 0.1, batch)
 
 
 def test_a_share_that_is_none() -> None:
     with pytest.raises(ValueError, match=r"share: expected a number from 0 to 1, got 1\.5"):
-        flights_needed(1.5, StopRule("passed", 0.1))
+        flights_needed(1.5, StopRule(5e3, 0.1))

@@ -77,7 +77,8 @@ def test_correlated_flights_and_rows_are_the_same_alone(
     here = world(CORRELATED + '[draws]\ntable = "air.csv"\n', folder=tmp_path)
     many = here.draw(shefex3, 64, 5)
     assert same(here.draw(shefex3, 1, 5, first=i), many.take([i]))
-    assert same(many, Truth.joined([here.draw(shefex3, 32, 5, first=k) for k in (0, 32)]))
+    for k in (0, 32):
+        assert same(here.draw(shefex3, 32, 5, first=k), many.take(slice(k, k + 32)))
 
 
 def test_pools_and_seeds_are_disjoint(shefex3: Mission, everything: World) -> None:
@@ -235,14 +236,6 @@ def test_what_differs_is_told_in_the_units_of_the_file(shefex3: Mission) -> None
     assert "wind_east: normal about 20 m/s, 3σ 60 m/s" in lines
     assert "correlation of lift_factor and wind_east: -0.8" in lines
     assert len(lines) == 6 + 4 + 2
-
-
-def test_batches_of_two_worlds_do_not_join(shefex3: Mission, everything: World) -> None:
-    batches = [everything.draw(shefex3, 2, 1), load_world("entry").draw(shefex3, 2, 1)]
-    with pytest.raises(ValueError, match="density: expected batches of one world"):
-        Truth.joined(batches)
-    with pytest.raises(ValueError, match="batches: expected one or more, got none"):
-        Truth.joined([])
 
 
 @pytest.mark.parametrize(

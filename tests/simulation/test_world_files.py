@@ -6,9 +6,10 @@ import re
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
-from ampi.missions.loading import parse_mission
+from ampi.missions.loading import load_mission, parse_mission
 from ampi.missions.mission import Mission
 from ampi.simulation.uncertainties import CATALOGUE
 from ampi.simulation.world import WorldError
@@ -248,3 +249,42 @@ def test_no_file_and_no_text_are_told(tmp_path: Path) -> None:
         load_world(tmp_path / "bits.toml")
     with pytest.raises(WorldError, match="world: not valid TOML"):
         parse_world("name = ")
+
+
+MSIS = """[nrlmsis]
+date = "2026-01-15"
+latitude_deg = 70.0
+longitude_deg = -30.0
+ap = 15.0
+"""
+
+
+def test_a_world_in_the_air_of_a_day_and_a_place(shefex3: Mission) -> None:
+    """The same for every flight, of the air itself, and for a mission in that air next to none."""
+    pytest.importorskip("pymsis")
+    here = world(MSIS)
+    drawn = here.draw(shefex3, 3, 1)
+    assert drawn.density is not None
+    assert drawn.wind is None
+    assert np.array_equal(drawn.density[0], drawn.density[2])
+    for kilometre, factor in {20: 0.92, 40: 0.69, 60: 0.56, 80: 0.62}.items():  # of January
+        assert drawn.density[0, kilometre] == pytest.approx(factor, abs=0.015)
+    own = here.draw(load_mission("shefex3_january"), 2, 1)
+    assert own.density is not None
+    assert own.density[0, 5:100] == pytest.approx(np.ones(95), abs=0.02)
+    again = parse_world(here.toml)
+    assert (again.toml, again.digest) == (here.toml, here.digest)
+    assert any("NRLMSIS of 2026-01-15" in line for line in here.in_words(shefex3))
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        (MSIS.replace("2026-01-15", "15.1.2026"), "nrlmsis.date: expected a day as YYYY-MM-DD"),
+        (MSIS.replace("70.0", "97.0"), "nrlmsis.latitude: Input should be .* 90 deg"),
+        (MSIS.replace("ap = ", "app = "), "nrlmsis.app: Extra inputs are not permitted"),
+    ],
+)
+def test_a_day_and_a_place_that_are_none(text: str, message: str) -> None:
+    with pytest.raises(WorldError, match=message):
+        world(text)

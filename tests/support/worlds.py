@@ -17,6 +17,11 @@ def world(body: str = "", *, head: str = HEAD, folder: Path | None = None) -> Wo
     return parse_world(head + body, "w.toml", folder=folder)
 
 
+def of_entries(distribution: str) -> World:
+    """A world in which the parameters of the mission alone are drawn: uniform, corners, …"""
+    return world(head=HEAD.replace("normal", distribution))
+
+
 def write_draws(path: Path, days: range = range(1, 366, 30), top: int = 130) -> Path:
     """A synthetic table of draws: its density factor and winds name the row."""
     altitudes = range(0, top + 1, 5)

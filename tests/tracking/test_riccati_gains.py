@@ -12,11 +12,13 @@ from ampi.guidance import Guidance
 from ampi.missions.family import MissionFamily
 from ampi.missions.mission import Mission
 from ampi.physics.equations_of_motion import equations_of_motion
-from ampi.simulation.closed_loop import FlightStatus, fly_batch
+from ampi.simulation.closed_loop import fly_batch
+from ampi.simulation.plant import FlightStatus
 from ampi.tracing.dynamics import Physics, node_dynamics
 from ampi.tracing.node_functions import NodeFunctions
 from ampi.tracker_design.riccati_gains import GainSettings, vertex_gains
 from ampi.trajectory import Trajectory
+from tests.support.truths import nominal_truth
 
 Array = NDArray[np.float64]
 
@@ -180,7 +182,7 @@ def test_a_neighbouring_entry_is_brought_back_to_the_target(
     entries = mission.entry_state + np.vstack([PERTURBATIONS, -PERTURBATIONS])
     misses = []
     for guidance in (tracked, untracked):
-        batch = fly_batch(mission.family(entries), guidance, entries)
+        batch = fly_batch(mission.family(entries), guidance, nominal_truth(entries))
         assert np.all(batch.status == int(FlightStatus.REACHED_SPEED))
         final = batch.final_states
         assert final[:, 3] == pytest.approx(np.full(12, mission.target.speed), abs=1e-3)
@@ -194,7 +196,8 @@ def test_a_neighbouring_entry_is_brought_back_to_the_target(
 
 
 def test_the_nominal_entry_flies_its_optimum(mission: Mission, tracked: Guidance) -> None:
-    batch = fly_batch(mission.family(mission.entry_state[None]), tracked, mission.entry_state[None])
+    entry = mission.entry_state[None]
+    batch = fly_batch(mission.family(entry), tracked, nominal_truth(entry))
     error = batch.states - batch.reference_states
     assert np.nanmax(np.abs(error[0, 0])) < 10.0  # m
     assert np.nanmax(np.abs(error[0, 3])) < 1.0  # m/s

@@ -129,7 +129,7 @@ def campaign_controls(mission: Mission, campaigns: Mapping[str, Flights]) -> Fig
         schedule = model.vehicle.angle_of_attack
         alive = np.where(np.isfinite(flights.states[:, SPEED]), 1.0, np.nan)
         values = (
-            schedule(flights.times, flights.states[:, SPEED]) * alive,
+            schedule(flights.times, flights.states[:, SPEED]) * alive + flights.angle_of_attack[()],
             flights.states[:, BANK],
             flights.bank_rate[()],
         )
@@ -179,7 +179,7 @@ def _flown(flights: Flights) -> tuple[Array, Array]:
     """Times (n, k+1) and states (n, 7, k+1): the recorded points and the end of each flight."""
     recorded = np.broadcast_to(flights.times, (flights.n, len(flights.times)))
     times = np.concatenate([recorded, flights.final_time[:, None]], axis=1)
-    return times, np.concatenate([flights.states, flights.final_states[:, :, None]], axis=2)
+    return times, np.concatenate([flights.states[()], flights.final_states[:, :, None]], axis=2)
 
 
 def _tracks(flights: Flights, width: float) -> TrackBundle:

@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from matplotlib.patches import Circle, Ellipse
+from matplotlib.patches import Circle, Polygon
 from matplotlib.patheffects import withStroke
 from numpy.typing import NDArray
 
@@ -26,8 +26,9 @@ from ampi.report.figures.style import (
 )
 from ampi.report.published import is_of_the_paper
 from ampi.report.quantities import CROSSRANGE, DOWNRANGE, KILO
+from ampi.simulation.estimates.ellipses import Ellipse, covariance_ellipse
 from ampi.simulation.flights import Flights
-from ampi.simulation.statistics import ELLIPSE, TABLE_5_RADII
+from ampi.simulation.statistics import TABLE_5_RADII
 
 Array = NDArray[np.float64]
 
@@ -120,22 +121,17 @@ def _outline_key(name: str, flights: Flights) -> Line2D:
 
 
 def footprint_ellipse(flights: Flights) -> Ellipse | None:
-    """95 % covariance ellipse (km) of the end points, or None if fewer than three flights ended."""
-    good = flights.reached
-    if np.count_nonzero(good) < 3:
-        return None
-    points = np.stack([flights.across[good], flights.along[good]]) * KILO
-    variances, directions = np.linalg.eigh(np.cov(points))
-    minor, major = 2.0 * np.sqrt(ELLIPSE * np.maximum(variances, 0.0))
-    centre = points.mean(axis=1)
-    return Ellipse(
-        (float(centre[0]), float(centre[1])),
-        width=float(major),
-        height=float(minor),
-        angle=float(np.degrees(np.arctan2(directions[1, 1], directions[0, 1]))),
+    """95 % covariance ellipse of the end points, or None if too few flights ended."""
+    return covariance_ellipse(*np.where(flights.reached, (flights.across, flights.along), np.nan))
+
+
+def _edge(ellipse: Ellipse, colour: str) -> Polygon:
+    across, along = ellipse.outline()
+    return Polygon(
+        np.column_stack([CROSSRANGE.shown(across), DOWNRANGE.shown(along)]),
         fill=False,
         linewidth=1.8,
-        edgecolor=MODE_STYLES[flights.mode].colour,
+        edgecolor=colour,
         zorder=3,
         path_effects=[withStroke(linewidth=4.0, foreground="white")],
     )
@@ -143,8 +139,7 @@ def footprint_ellipse(flights: Flights) -> Ellipse | None:
 
 def _span(ellipse: Ellipse) -> float:
     """Half-width (km) of a square around the target that holds `ellipse`."""
-    x, y = ellipse.center
-    return max(abs(x), abs(y)) + 0.5 * max(ellipse.width, ellipse.height)
+    return KILO * float(np.max(np.abs(ellipse.outline())))
 
 
 def _draw_footprints(
@@ -174,7 +169,7 @@ def _draw_footprints(
         )
         ellipse = footprint_ellipse(flights)
         if ellipse is not None:
-            axes.add_patch(ellipse)
+            axes.add_patch(_edge(ellipse, style.colour))
     tolerance, labelled = mission.target.position_tolerance, 0.0
     for radius in sorted({*radii, tolerance}) if radii else ():
         size = radius * KILO

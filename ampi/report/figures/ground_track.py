@@ -80,7 +80,7 @@ def draw_ground_tracks(axes: Axes, mission: Mission, bundles: list[TrackBundle])
     latitudes = np.concatenate([b.latitude.ravel() for b in bundles])
     middle = float(0.5 * (np.nanmin(latitudes) + np.nanmax(latitudes)))
     if np.nanmax(np.abs(latitudes)) > POLAR:
-        place = _plane(mission)
+        place = plane_around_target(mission)
         axes.set(xlabel=EAST.label, ylabel=NORTH.label)
         axes.set_aspect("equal", adjustable="datalim")
     else:
@@ -109,7 +109,7 @@ def draw_target_window(
     reach = max((float(np.percentile(d, percentile)) for d in distances if len(d)), default=0.0)
     half = max(1.2 * reach, SMALLEST_WINDOW) * EAST.per_si
     for b, offset in zip(bundles, offsets, strict=True):
-        east, north = _plane(mission)(b.longitude, b.latitude)
+        east, north = plane_around_target(mission)(b.longitude, b.latitude)
         draw_bundle(axes, east, north, b.colour, width=b.width, alpha=b.alpha)
         east, north = EAST.shown(offset[:, 0]), NORTH.shown(offset[:, 1])
         axes.plot(east, north, b.marker, color=b.colour, markersize=2.5, alpha=0.7, zorder=3)
@@ -135,7 +135,9 @@ def in_degrees(longitude: Array, latitude: Array) -> Points:
     return LONGITUDE.shown(longitude), LATITUDE.shown(latitude)
 
 
-def _plane(mission: Mission) -> Callable[[Array, Array], Points]:
+def plane_around_target(mission: Mission) -> Callable[[Array, Array], Points]:
+    """A chart of kilometres north over kilometres east of the target."""
+
     def place(longitude: Array, latitude: Array) -> Points:
         offsets = tangent_plane(mission, longitude, latitude)
         return EAST.shown(offsets[..., 0]), NORTH.shown(offsets[..., 1])

@@ -1,4 +1,4 @@
-"""One entry: the reference that guidance made for it, or one optimum of the offline side."""
+"""One entry: the reference that guidance made for it, one flight, or one optimum."""
 
 from __future__ import annotations
 
@@ -30,11 +30,14 @@ from ampi.report.quantities import (
     BANK_ANGLE,
     BANK_RATE,
     FLIGHT_PATH_ANGLE,
+    KILO,
     SPEED,
     TIME,
     Quantity,
 )
 from ampi.scp.problem.shortfall import outcome_sentence
+from ampi.simulation.flights import Flights
+from ampi.simulation.plant import FlightStatus
 from ampi.trajectory import Trajectory
 
 Array = NDArray[np.float64]
@@ -42,6 +45,7 @@ Array = NDArray[np.float64]
 _STATE_ROWS = {ALTITUDE: 0, SPEED: 3, FLIGHT_PATH_ANGLE: 4, AZIMUTH: 5, BANK_ANGLE: 6}
 _COLOUR = MODE_STYLES[Mode.AMPI].colour
 _COLUMNS = 3
+REFERENCE = MODE_STYLES[Mode.NOMINAL].colour
 CURVE_POINTS = 800
 TITLE_WIDTH = 100  # characters
 
@@ -88,6 +92,25 @@ def trajectory_figure(mission: Mission, trajectory: Trajectory) -> Figure:
     return figure
 
 
+@house_style
+def flight_figure(mission: Mission, flights: Flights, name: str) -> Figure:
+    """One flight, a campaign of one: what was flown, and the reference that it was to follow."""
+    figure, panels, track = _frame(mission)
+    status, passed = FlightStatus(int(flights.status[0])), bool(flights.passed[0])
+    miss = f"{flights.miss[0] * KILO:.3g} km from the target"
+    _title(figure, f"{mission.title}, {name}: {miss}. {status.sentence}", passed)
+    states, references = flights.states[0], flights.reference_states[0]
+    flown = np.isfinite(states[0])
+    times, states, references = flights.times[flown], states[:, flown], references[:, flown]
+    _draw_curves(panels, mission, times, references, np.full(len(times), np.nan), "--", REFERENCE)
+    _draw_curves(panels, mission, times, states, flights.bank_rate[0][flown], "-")
+    _draw_limits(panels, mission)
+    draw_ground_tracks(track, mission, [_track(references, REFERENCE), _track(states)])
+    keys = [line_key("flown", _COLOUR), line_key("reference", REFERENCE, dashed=True)]
+    place_legend(figure, [*keys, limit_key(), *track_keys(mission)])
+    return figure
+
+
 def _title(figure: Figure, text: str, good: bool) -> None:
     title = figure.suptitle(fill(text, TITLE_WIDTH), fontsize=10)
     title.set(color=INK if good else LIMIT_COLOUR, parse_math=False)
@@ -114,7 +137,13 @@ def _frame(mission: Mission) -> tuple[Figure, list[Axes], Axes]:
 
 
 def _draw_curves(
-    panels: list[Axes], mission: Mission, times: Array, states: Array, rate: Array, form: str
+    panels: list[Axes],
+    mission: Mission,
+    times: Array,
+    states: Array,
+    rate: Array,
+    form: str,
+    colour: str = _COLOUR,
 ) -> None:
     limits = PathLimits.of(mission)
     use = limits.path(mission.flight_model, states, times)
@@ -124,7 +153,7 @@ def _draw_curves(
         *(load.value(use[load.index], limits) for load in loads(mission)),
     ]
     for axes, quantity, row in zip(panels, _quantities(mission), rows, strict=True):
-        axes.plot(times, quantity.shown(row), form, color=_COLOUR, linewidth=1.6, markersize=3)
+        axes.plot(times, quantity.shown(row), form, color=colour, linewidth=1.6, markersize=3)
 
 
 def _draw_limits(panels: list[Axes], mission: Mission) -> None:
@@ -135,12 +164,12 @@ def _draw_limits(panels: list[Axes], mission: Mission) -> None:
         draw_quantity_limits(axes, quantity, level)
 
 
-def _track(states: Array) -> TrackBundle:
+def _track(states: Array, colour: str = _COLOUR) -> TrackBundle:
     return TrackBundle(
         longitude=states[1:2],
         latitude=states[2:3],
         final=states[1:3, -1][None],
-        colour=_COLOUR,
+        colour=colour,
         marker="o",
         width=1.8,
         alpha=1.0,

@@ -1,8 +1,8 @@
 """Why flights failed: exactly one class per flight, so that the counts add up to all that were flown.
 
 Classes are tried in the order in which they are written, and the first that holds is the flight's:
-what makes a flight meaningless comes before what no guidance can help, that before how it ended, and a
-limit before a place. A flight that passed has no failure, whatever else is said of it.
+what makes a flight meaningless comes before what no guidance can help, that before how and where it
+ended, and that before a limit. A flight that passed has no failure, whatever else is said of it.
 """
 
 from __future__ import annotations
@@ -12,10 +12,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ampi.missions.path_limits import KEPT
 from ampi.outcome import Outcome
-from ampi.simulation.closed_loop import FlightStatus
 from ampi.simulation.estimates.proportions import Fraction
+from ampi.simulation.plant import FlightStatus
 
 Array = NDArray[np.float64]
 
@@ -33,8 +32,8 @@ class FailureClass(Outcome):
     )
     GROUND = 5, "It met the ground before it reached the target speed."
     TIME_LIMIT = 6, "It flew until its time was up."
-    LIMIT = 7, "It reached the target speed and exceeded a path limit on the way."
-    MISSED = 8, "It reached the target speed with every limit kept, and outside a tolerance."
+    MISSED = 7, "It reached the target speed outside a tolerance."
+    LIMIT = 8, "It ended where it should, and exceeded a limit on the way."
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,33 +57,30 @@ class Reach:
         return (self.distance < self.least) | (self.distance > self.greatest)
 
 
-def skipped(altitude: Array, status: NDArray[np.int64], above: float) -> NDArray[np.bool_]:
-    """Flights, (n,), that rose above `above` (m) after their first pull-up and did not come back.
+def skipped(
+    rebound: Array, status: NDArray[np.int64], above: float, entry: float
+) -> NDArray[np.bool_]:
+    """Flights, (n,), that rose above `above` (m) after their first descent and did not come back.
 
-    They rose above their entry, or their time was up. `altitude` (n, k), m, from the entry, NaN after
-    the end. A flight that rises from its entry has not pulled up before it descends.
+    They rose above their `entry` (m), or their time was up. `rebound` (n,), m, is the highest altitude
+    after the first descent, NaN of a flight that never rose.
     """
-    change = np.diff(altitude, axis=1)
-    descended = np.logical_or.accumulate(change < 0.0, axis=1)
-    pulled_up = np.logical_or.accumulate(descended & (change > 0.0), axis=1)
-    after = np.where(pulled_up, altitude[:, 1:], -np.inf)
-    highest = np.max(after, axis=1, initial=-np.inf, where=~np.isnan(after))
     late = status == int(FlightStatus.TIME_LIMIT)
-    return (highest > above) & (late | (highest > altitude[:, 0]))
+    return (rebound > above) & (late | (rebound > entry))
 
 
 def classify(
     status: NDArray[np.int64],
     passed: NDArray[np.bool_],
-    peak: Array,
+    arrived: NDArray[np.bool_],
     *,
     skipped: NDArray[np.bool_] | None = None,
     reach: Reach | None = None,
 ) -> NDArray[np.int64]:
     """Class of every flight (n,), `FailureClass`.
 
-    `status` (n,), `FlightStatus`; `passed` (n,), the whole requirement; `peak` (n, l), greatest use of
-    each limit, 1 at the limit; `skipped` (n,), by the function of that name. None: nothing is known.
+    `status` (n,), `FlightStatus`; `passed` (n,), the whole requirement; `arrived` (n,), within every
+    tolerance at the end; `skipped` (n,), by the function of that name. None: nothing is known.
     """
     n = len(status)
     nothing = np.zeros(n, dtype=bool)
@@ -92,18 +88,19 @@ def classify(
         FailureClass.NONE: passed,
         FailureClass.NOT_A_NUMBER: status == int(FlightStatus.NOT_FINITE),
         FailureClass.STARTED_SLOW: status == int(FlightStatus.STARTED_SLOW),
-        FailureClass.OUT_OF_REACH: nothing if reach is None else reach.missing,
+        # who arrived refutes the estimate of his range
+        FailureClass.OUT_OF_REACH: nothing if reach is None else reach.missing & ~arrived,
         FailureClass.SKIP: nothing if skipped is None else skipped,
         FailureClass.GROUND: status == int(FlightStatus.GROUND),
         FailureClass.TIME_LIMIT: status == int(FlightStatus.TIME_LIMIT),
-        FailureClass.LIMIT: ~np.all(peak <= 1.0 + KEPT, axis=1),
+        FailureClass.MISSED: ~arrived,
     }
     wrong = [k.name for k, condition in conditions.items() if condition.shape != (n,)]
     if wrong:
         raise ValueError(
             f"classify: expected one value for each of {n} flights, not so for {wrong}"
         )
-    found = np.select(list(conditions.values()), list(conditions), FailureClass.MISSED)
+    found = np.select(list(conditions.values()), list(conditions), FailureClass.LIMIT)
     return found.astype(np.int64)
 
 

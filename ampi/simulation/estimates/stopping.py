@@ -21,13 +21,15 @@ from ampi.simulation.estimates.proportions import Fraction
 
 @dataclass(frozen=True)
 class StopRule:
-    """Stop after the first batch at which the 95 % interval of a share is no wider than `width`."""
+    """Stop once the 95 % interval of the share of flights within `radius` is no wider than `width`."""
 
-    quantity: str  # whose share, for people: "within 5 km"
+    radius: float  # m, around the target
     width: float  # of the whole interval, 0 … 1
     batch: int = 100  # flights between two looks
 
     def __post_init__(self) -> None:
+        if not self.radius > 0.0:
+            raise ValueError(f"radius: expected a positive length (m), got {self.radius!r}")
         if not 0.0 < self.width < 1.0:
             raise ValueError(f"width: expected a share between 0 and 1, got {self.width!r}")
         if not isinstance(self.batch, int) or self.batch < 1:
