@@ -20,21 +20,20 @@ if TYPE_CHECKING:
     from ampi.loading import load_guidance
     from ampi.missions.loading import load_mission
     from ampi.missions.mission import Mission
-    from ampi.onboard.health import Health
+    from ampi.onboard.health import Health, Steering
     from ampi.onboard.reference import Mode, Reference
     from ampi.scp.condensed.settings import SolverSettings
     from ampi.scp.guess import ConstantBank
     from ampi.scp.problem.capabilities import MethodError
     from ampi.scp.refinement import RefinementSettings
     from ampi.scp.solve import solve, solve_family
-    from ampi.simulation.estimates.paired import paired
     from ampi.simulation.estimates.stopping import StopRule
     from ampi.simulation.flights import Flights
     from ampi.simulation.flights_csv import write_flights_csv
     from ampi.simulation.flights_file import load_campaigns, save_campaigns
     from ampi.simulation.monte_carlo import Scheme, fly, fly_again, fly_schemes
     from ampi.simulation.plant import FlightStatus
-    from ampi.simulation.statistics import judge
+    from ampi.simulation.statistics import compare, judge
     from ampi.simulation.world import World
     from ampi.simulation.world_loading import load_world
     from ampi.trajectory import Status, Trajectory
@@ -55,12 +54,13 @@ _HOME = {
     "RefinementSettings": "ampi.scp.refinement",
     "SolverSettings": "ampi.scp.condensed.settings",
     "Status": "ampi.trajectory",
+    "Steering": "ampi.onboard.health",
     "Trajectory": "ampi.trajectory",
+    "compare": "ampi.simulation.statistics",
     "fly": "ampi.simulation.monte_carlo",
     "fly_again": "ampi.simulation.monte_carlo",
     "fly_schemes": "ampi.simulation.monte_carlo",
     "load_world": "ampi.simulation.world_loading",
-    "paired": "ampi.simulation.estimates.paired",
     "Scheme": "ampi.simulation.monte_carlo",
     "StopRule": "ampi.simulation.estimates.stopping",
     "World": "ampi.simulation.world",
@@ -89,10 +89,12 @@ __all__ = [
     "Scheme",
     "SolverSettings",
     "Status",
+    "Steering",
     "StopRule",
     "Trajectory",
     "World",
     "__version__",
+    "compare",
     "fly",
     "fly_again",
     "fly_schemes",
@@ -101,7 +103,6 @@ __all__ = [
     "load_guidance",
     "load_mission",
     "load_world",
-    "paired",
     "save_campaigns",
     "solve",
     "solve_family",

@@ -182,10 +182,25 @@ def paired_with_nominal(
     None where nominal tracking was not flown on the same draws.
     """
     baseline = _nominal_beside(flights, campaigns)
-    if baseline is None:
-        return None
+    return None if baseline is None else compare(flights, baseline, radii)
+
+
+def compare(
+    flights: Flights, baseline: Flights, radii: Iterable[float] = (5e3, 25e3)
+) -> PairedDifference:
+    """Misses of one campaign less those of another on the same draws, flight by flight; `radii` in m.
+
+    Raises
+    ------
+    ValueError
+        If what was true of the flights differs: entries, uncertainties or seeds.
+    """
     one, other = (
-        Flown(f.parameters, np.where(f.reached, f.miss, np.inf)) for f in (flights, baseline)
+        Flown(
+            np.column_stack([f.parameters, f.numbers, f.seeds.astype(float)]),
+            np.where(f.reached, f.miss, np.inf),
+        )
+        for f in (flights, baseline)
     )
     return paired(one, other, radii)
 

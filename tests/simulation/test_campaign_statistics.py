@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -21,6 +22,7 @@ from ampi.simulation.statistics import (
     TABLE_5_RADII,
     Fraction,
     Spread,
+    compare,
     ellipse_area,
     footprint_ratio,
     judge,
@@ -376,3 +378,15 @@ def test_nominal_tracking_is_that_of_the_same_law_world_and_draws(
     assert paired_with_nominal(flights, every, (5e3, 25e3)) == expected
     assert ratio_to_nominal(flights, every) == footprint_ratio(flights, own)
     assert paired_with_nominal(own, every, (5e3,)) is None
+
+
+def test_two_schemes_are_compared_on_what_was_true_of_both(
+    make_flights: Callable[..., Flights],
+) -> None:
+    near, far = make_flights(60, seed=1), make_flights(60, seed=1)
+    far = replace(far, miss=near.miss + 30e3)
+    found = compare(near, far)
+    assert found.median.value == pytest.approx(-30e3)
+    assert found.within[25e3].difference.value == pytest.approx(np.mean(near.miss < 25e3))
+    with pytest.raises(ValueError, match="same draws"):
+        compare(near, replace(far, seeds=far.seeds + np.uint64(1)))
