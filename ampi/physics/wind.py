@@ -40,18 +40,6 @@ class Wind(Protocol):
         ...
 
 
-@dataclass(frozen=True)
-class ConstantWind:
-    """The same wind at every altitude; numbers or arrays over flights."""
-
-    east: Any  # m/s
-    north: Any  # m/s
-
-    def components(self, altitude: Any) -> tuple[Any, Any]:
-        """(w_E, w_N) (m/s)."""
-        return self.east, self.north
-
-
 class Track(NamedTuple):
     """Direction of the velocity over the ground."""
 

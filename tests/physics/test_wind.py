@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -20,7 +21,6 @@ from ampi.physics.equations_of_motion import (
 )
 from ampi.physics.path_constraints import path_constraints
 from ampi.physics.vehicle import air_loads
-from ampi.physics.wind import ConstantWind
 from ampi.tracing.dynamics import NodeDynamics, Physics
 from ampi.tracing.node_functions import NodeFunctions
 from ampi.tracing.numbers import taken_apart
@@ -37,6 +37,20 @@ states = st.tuples(
     st.floats(-3.1, 3.1),
     st.floats(-3.1, 3.1),
 )
+
+
+@dataclass(frozen=True)
+class ConstantWind:
+    """The same wind at every altitude; numbers or arrays over flights."""
+
+    east: Any  # m/s
+    north: Any  # m/s
+
+    def components(self, altitude: Any) -> tuple[Any, Any]:
+        """(w_E, w_N) (m/s)."""
+        return self.east, self.north
+
+
 winds = st.builds(ConstantWind, st.floats(-150.0, 150.0), st.floats(-150.0, 150.0))
 HEADING_WEST = np.array([40e3, -0.2, 1.2, 3000.0, -0.05, -0.5 * np.pi, 0.3])
 
