@@ -150,17 +150,21 @@ static double stopping_rate(double room, double acceleration, double cycle)
     return stopping + 2.0 * ampi_min(room, 0.0) / cycle;
 }
 
+/* The rate after `rate` nearest to what is wanted, within `most` and a change; a number if that is one. */
+static double next_rate(double rate, double wanted, double most, double change)
+{
+    return ampi_clipped(ampi_clipped(wanted, -most, most), rate - change, rate + change);
+}
+
 /* The rate at the end of this cycle, within the limits of angle, rate and acceleration. */
 static double limited_rate(const ampi_guidance *guidance, double bank, double rate, double command)
 {
     const double cycle = guidance->longest;
     const double a = guidance->limit[AMPI_ACCELERATION] * (guidance->shortest / cycle);
-    const double change = a * cycle, most = guidance->limit[AMPI_RATE];
     const double ahead = bank + 0.5 * rate * cycle;
     const double up = stopping_rate(guidance->limit[AMPI_ANGLE] - ahead, a, cycle);
     const double down = stopping_rate(guidance->limit[AMPI_ANGLE] + ahead, a, cycle);
-    const double wanted = ampi_clipped(ampi_clipped(command, -down, up), -most, most);
-    return ampi_clipped(wanted, rate - change, rate + change);
+    return next_rate(rate, ampi_clipped(command, -down, up), guidance->limit[AMPI_RATE], a * cycle);
 }
 
 ampi_command ampi_guidance_step(ampi_guidance *guidance, const ampi_table *table, double time,
