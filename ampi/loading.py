@@ -159,7 +159,7 @@ def load_guidance(
     path
         File made by `database.build`.
     mode
-        "ampi" (default), "mpi", "quadratic" or "nominal".
+        Name of a `Mode`; "ampi" is the paper's.
     holes
         Of a database in which cases have no solution: "refuse" it, or "fly" it, with references flagged
         where they need such a case (`Reference.hole`).
