@@ -36,24 +36,12 @@ class GuidanceTable:
     solved: NDArray[np.bool_] | None = None  # (n_1 … n_d), false: a hole; None: there are none
     circular: tuple[int, ...] = ()  # axes of longitudes and azimuths: the same modulo a turn
     layout: RowLayout = LINEAR_TRACKING  # of the rows
+    sensitivities: Array | None = None  # (n_1 … n_d, d, r n + 1), ∂(values, final time)/∂p
     envelope: StateEnvelope = field(init=False)  # of plausible navigation states
 
     def __post_init__(self) -> None:
+        self._check_shapes()
         shape = tuple(len(axis) for axis in self.axes)
-        n, m = self.conversion.shape
-        expected = {
-            "values": (self.values.shape, (*shape, len(self.layout), n)),
-            "final_time": (self.final_time.shape, shape),
-            "high_density_time": (
-                tuple(part.shape for part in self.high_density_time),
-                ((m,), (m,)),
-            ),
-        }
-        if self.solved is not None:
-            expected["solved"] = (self.solved.shape, shape)
-        for name, (got, wanted) in expected.items():
-            if got != wanted:
-                raise ValueError(f"guidance table: {name} has shape {got}, expected {wanted}")
         missing = ~np.isfinite(self.final_time)
         missing |= ~np.all(np.isfinite(self.values), axis=(-2, -1))
         if np.any(missing):
@@ -64,6 +52,8 @@ class GuidanceTable:
         shared = (*self.axes, self.conversion, *self.high_density_time)
         if not all(np.all(np.isfinite(array)) for array in shared):
             raise ValueError("guidance table: axes, LD→HD matrix and times must be finite")
+        if self.sensitivities is not None and not np.all(np.isfinite(self.sensitivities)):
+            raise ValueError("guidance table: sensitivities must be finite")
         if any(np.any(np.diff(axis) <= 0) for axis in self.axes):
             raise ValueError("guidance table: every axis must increase strictly")
         if np.abs(self.conversion.sum(axis=0) - 1.0).max() > 1e-9:
@@ -90,8 +80,32 @@ class GuidanceTable:
         object.__setattr__(self, "envelope", StateEnvelope.of(states))
         for array in (*shared, self.values, self.final_time):
             array.setflags(write=False)
+        for optional in (self.solved, self.sensitivities):
+            if optional is not None:
+                optional.setflags(write=False)
+
+    def _check_shapes(self) -> None:
+        shape = tuple(len(axis) for axis in self.axes)
+        n, m = self.conversion.shape
+        expected = {
+            "values": (self.values.shape, (*shape, len(self.layout), n)),
+            "final_time": (self.final_time.shape, shape),
+            "high_density_time": (
+                tuple(part.shape for part in self.high_density_time),
+                ((m,), (m,)),
+            ),
+        }
         if self.solved is not None:
-            self.solved.setflags(write=False)
+            expected["solved"] = (self.solved.shape, shape)
+        if self.sensitivities is not None:
+            width = len(self.layout) * n + 1
+            expected["sensitivities"] = (
+                self.sensitivities.shape,
+                (*shape, len(shape), width),
+            )
+        for name, (got, wanted) in expected.items():
+            if got != wanted:
+                raise ValueError(f"guidance table: {name} has shape {got}, expected {wanted}")
 
     def corners(self) -> GuidanceTable:
         """The outer 2^d vertices alone: the database of the basic MPI."""
@@ -102,6 +116,7 @@ class GuidanceTable:
         return self._part(tuple(slice(i, i + 1) for i in self.centre))
 
     def _part(self, cut: tuple[slice, ...]) -> GuidanceTable:
+        sensitivities = self.sensitivities
         return replace(
             self,
             axes=tuple(axis[c] for axis, c in zip(self.axes, cut, strict=True)),
@@ -109,6 +124,9 @@ class GuidanceTable:
             final_time=np.ascontiguousarray(self.final_time[cut]),
             centre=tuple(0 for _ in self.axes),
             solved=None if self.solved is None else np.ascontiguousarray(self.solved[cut]),
+            sensitivities=None
+            if sensitivities is None
+            else np.ascontiguousarray(sensitivities[cut]),
         )
 
 
