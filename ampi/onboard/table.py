@@ -42,28 +42,8 @@ class GuidanceTable:
     envelope: StateEnvelope = field(init=False)  # of plausible navigation states
 
     def __post_init__(self) -> None:
+        self._check_shapes()
         shape = tuple(len(axis) for axis in self.axes)
-        n, m = self.conversion.shape
-        expected = {
-            "values": (self.values.shape, (*shape, len(self.layout), n)),
-            "final_time": (self.final_time.shape, shape),
-            "high_density_time": (
-                tuple(part.shape for part in self.high_density_time),
-                ((m,), (m,)),
-            ),
-        }
-        if self.segments.n_nodes != n:
-            raise ValueError(
-                f"guidance table: segments have {self.segments.n_nodes} nodes, expected {n}"
-            )
-        if self.solved is not None:
-            expected["solved"] = (self.solved.shape, shape)
-        if self.sensitivities is not None:
-            wanted_shape = (*shape, len(shape), len(self.layout) * n + 1)
-            expected["sensitivities"] = (self.sensitivities.shape, wanted_shape)
-        for name, (got, wanted) in expected.items():
-            if got != wanted:
-                raise ValueError(f"guidance table: {name} has shape {got}, expected {wanted}")
         missing = ~np.isfinite(self.final_time)
         missing |= ~np.all(np.isfinite(self.values), axis=(-2, -1))
         if np.any(missing):
@@ -99,6 +79,30 @@ class GuidanceTable:
             array.setflags(write=False)
         if self.solved is not None:
             self.solved.setflags(write=False)
+
+    def _check_shapes(self) -> None:
+        shape = tuple(len(axis) for axis in self.axes)
+        n, m = self.conversion.shape
+        expected = {
+            "values": (self.values.shape, (*shape, len(self.layout), n)),
+            "final_time": (self.final_time.shape, shape),
+            "high_density_time": (
+                tuple(part.shape for part in self.high_density_time),
+                ((m,), (m,)),
+            ),
+        }
+        if self.segments.n_nodes != n:
+            raise ValueError(
+                f"guidance table: segments have {self.segments.n_nodes} nodes, expected {n}"
+            )
+        if self.solved is not None:
+            expected["solved"] = (self.solved.shape, shape)
+        if self.sensitivities is not None:
+            wanted_shape = (*shape, len(shape), len(self.layout) * n + 1)
+            expected["sensitivities"] = (self.sensitivities.shape, wanted_shape)
+        for name, (got, wanted) in expected.items():
+            if got != wanted:
+                raise ValueError(f"guidance table: {name} has shape {got}, expected {wanted}")
 
     def _check_times(self) -> None:
         fixed, free = self.high_density_time
