@@ -181,13 +181,12 @@ class Guidance:
         self._follow(np.array([own.parameters for own in given]))
 
     def _follow(self, parameters: Array) -> None:
-        flown = self._flown
-        self._along = self.law.along(flown.times, flown.rows)
+        self._flown.look_up_by(self.law.along)
         self._own_limits = self.limits_at(parameters)
 
     def _allocate(self, n: int) -> None:
-        self._flown = FlownReferences(n, self.table.conversion.shape[1], self.table.layout)
-        self._along, self._tracked = self._flown.times, np.full((N_STATES, n), np.nan)
+        self._flown = FlownReferences(n, self.table)
+        self._tracked = np.full((N_STATES, n), np.nan)
         self._unfelt = np.full((N_SENSED, n), np.nan)
         self._as_tracked = np.full(n, int(Steering.TRACKED))
         self._own_limits = self.limits
@@ -219,7 +218,7 @@ class Guidance:
     def _steered(self, told: Told, rate: Array, *, in_time: bool, is_one: bool) -> Command:
         """The command, once time and shapes are known."""
         at, ended, lost = self._look_up(told)
-        layout, limits = self._flown.layout, self._own_limits
+        layout, limits = self.table.layout, self._own_limits
         own, state = at[layout.bank_rate], told.state
         self._tracked = at[layout.states]
         plausible = self.table.envelope.holds(state)
@@ -256,13 +255,13 @@ class Guidance:
 
     def _look_up(self, told: Told) -> tuple[Array, NDArray[np.bool_], NDArray[np.bool_]]:
         """Rows of the references (r, n) at this instant; which have ended; of which it is unknown."""
-        end = self._along[:, -1]
+        end = self._flown.end
         value = self.law.now(self._clock.now, told)
         value = value + np.zeros(len(end))
         ended, lost = value >= end, np.isnan(value)
         if lost.any():
             value = np.where(lost, end, value)
-        return self._flown.at(self._along, value), ended, lost
+        return self._flown.at(value), ended, lost
 
     def _bank_angle(self, told: Array, reference: Array) -> Array:
         """The bank angles (n,) on their turn; one that is lost is that of the last command."""

@@ -82,12 +82,11 @@ class _Loop:
         told = self.sensors.at_entry(entry[:N_STATES], entry[N_STATES])
         parameters = _told(family, truth.parameters, told - entry)
         guidance.begin(parameters)
-        references = guidance.flown
-        self.plant = plant_of(family, guidance, truth)
-        first = references.rows[:, 0]
+        self.plant, layout = plant_of(family, guidance, truth), guidance.table.layout
+        first = guidance.flown.first
         finite = np.all(np.isfinite(truth.parameters), axis=1)
-        self.flights = InFlight.at_entry(self.plant, first[:, BANK].copy(), finite)
-        steering = np.stack([first[:, references.layout.bank_rate], np.zeros(len(first))])
+        self.flights = InFlight.at_entry(self.plant, first[BANK].copy(), finite)
+        steering = np.stack([first[layout.bank_rate], np.zeros(len(family))])
         self.actuator = Actuator(truth, cycle, steering)
         self.tally = _Tally(len(family), guidance, parameters)
         self.record: list[tuple[float, Array, Array, Array]] = []
