@@ -1,4 +1,4 @@
-"""From a mission to the model that flies: the coefficients of its physics as plain numbers.
+"""From a mission to what judges its references on board: its physics, parameters and limits as numbers.
 
 What a form on board cannot express is refused here, on the ground.
 """
@@ -9,9 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ampi.missions.mission import Mission
+from ampi.missions.parameters import at
 from ampi.missions.path_limits import PathLimits
 from ampi.onboard.aerodynamic_forms import AerodynamicForm, NewtonianForm, PolarForm, SplineForm
+from ampi.onboard.certificate import Certifier, Thresholds
 from ampi.onboard.flight_model import Air, AltitudeCurve, FlightModelData, Limits, Schedule
+from ampi.onboard.flight_numbers import UNMOVED, VARIED, FlightNumbers
+from ampi.onboard.segments import Segments
 from ampi.physics.aerodynamics import (
     Aerodynamics,
     ModifiedNewtonian,
@@ -32,6 +36,13 @@ from ampi.physics.vehicle import AngleOfAttackSchedule
 Array = NDArray[np.float64]
 
 LINE_TOP = 1e5  # m: an exponential atmosphere is one straight line, within and beyond any top
+# what no flight of a reference depends on, beside the objective
+NOT_FLOWN = (
+    ("limits", "bank_acceleration"),
+    ("limits", "bank_angle_minimum"),
+    *(("target", name) for name in ("flight_path_angle", "azimuth")),
+    *(("target", f"{name}_tolerance") for name in ("altitude", "speed", "position")),
+)
 
 
 def flight_model_of(mission: Mission) -> FlightModelData:
@@ -141,4 +152,49 @@ def _schedule(schedule: AngleOfAttackSchedule) -> Schedule:
         end_angle=schedule.end_angle,
         is_parabola=schedule.shape == "parabola",
         smoothing=schedule.smoothing / (schedule.end - schedule.start),
+    )
+
+
+def flight_numbers_of(mission: Mission) -> FlightNumbers:
+    """Which numbers of a flight the parameters of the mission's grid are.
+
+    Raises
+    ------
+    ValueError
+        If a parameter moves what the model on board holds fixed.
+    """
+    places = []
+    for parameter in mission.parameters:
+        path = parameter.number.path
+        if path in VARIED:
+            places.append(VARIED.index(path))
+        elif path[0] == "objective" or path in NOT_FLOWN:
+            places.append(UNMOVED)
+        else:
+            raise ValueError(
+                f"grid.{parameter.key}: expected a number of the entry, the target or the limits, the "
+                "mass, or a factor of density, lift or drag, which alone may differ from flight to "
+                f"flight on board, got {parameter.name}"
+            )
+    nominal = np.array([at(mission, path) for path in VARIED], dtype=float)
+    return FlightNumbers(nominal, tuple(places), flight_model_of(mission).limits)
+
+
+def certifier_of(mission: Mission, segments: Segments) -> Certifier:
+    """What certifies the references of a table of the mission, with the segments of the table.
+
+    A reference is rejected beyond the mission's tolerances of position and altitude.
+
+    Raises
+    ------
+    ValueError
+        If the model on board cannot express the mission, or one of its parameters.
+    """
+    target = mission.target
+    return Certifier.of(
+        flight_model_of(mission),
+        flight_numbers_of(mission),
+        Thresholds(horizontal=target.position_tolerance, altitude=target.altitude_tolerance),
+        segments,
+        position_is_free=target.position == "free",
     )

@@ -16,12 +16,7 @@ FUNCTION_LINES = 60  # its docstring included
 # what is open still; the lists may only shrink
 LONG_FILES: set[str] = set()
 LONG_FUNCTIONS: set[str] = set()
-UNREACHED: set[str] = {
-    "ampi.simulation.estimates.sensitivity",
-    "ampi.onboard_model",
-    "ampi.onboard.flight_model",
-    "ampi.onboard.aerodynamic_forms",
-}
+UNREACHED: set[str] = {"ampi.simulation.estimates.sensitivity"}
 
 # what people start and import: the packages, the commands, the scripts, and what the README shows
 DOORS = {"ampi", "ampi.cli.__main__", "database"}

@@ -94,9 +94,8 @@ def _crossing(
 
     def cubic(s: Array) -> Array:
         rest = 1.0 - s
-        return (
-            rest * rest * (x0 * (1.0 + 2.0 * s) + dx0 * (step * s))
-            + s * s * (x1 * (3.0 - 2.0 * s) - dx1 * (step * rest))
+        return rest * rest * (x0 * (1.0 + 2.0 * s) + dx0 * (step * s)) + s * s * (
+            x1 * (3.0 - 2.0 * s) - dx1 * (step * rest)
         )
 
     for _ in range(HALVINGS):

@@ -20,6 +20,7 @@ PARTS = tuple(
         "interpolation",
         "aerodynamic_forms",
         "flight_model",
+        "certificate",
     )
 )
 LAWS = (
