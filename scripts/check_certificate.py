@@ -62,7 +62,7 @@ def told(mode: str, found: dict[str, Any]) -> str:
     verdicts = ", ".join(f"{count} {name}" for name, count in found["verdicts"].items() if count)
     lines = [
         f"{mode}: {found['entries']} entries, rank correlation {found['rank_correlation']:.5f} "
-        f"(by the defect at the nodes alone {found['defect_rank_correlation']:.2f}), "
+        f"(inside, by the defect at the nodes alone: {found['defect_rank_correlation']:.2f}), "
         f"{100 * found['right_verdicts']:.1f} % of the verdicts right ({verdicts}), "
         f"{found['one_certificate_ms']:.1f} ms a certificate",
         "  flown miss, error (m) and error over the miss:",

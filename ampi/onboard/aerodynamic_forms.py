@@ -39,6 +39,10 @@ class PolarForm:
     drag: Array
     needs_mach: ClassVar[bool] = False
 
+    def __post_init__(self) -> None:
+        for array in (self.lift, self.drag):
+            array.setflags(write=False)
+
     def coefficients(self, angle_of_attack: Any, mach: Any) -> tuple[Any, Any]:
         """(C_L, C_D) at `angle_of_attack` (rad)."""
         lift = _horner(self.lift, angle_of_attack * (180.0 / np.pi))
@@ -54,6 +58,10 @@ class SplineForm:
     lift: Array  # (a, m) weights
     drag: Array
     needs_mach: ClassVar[bool] = True
+
+    def __post_init__(self) -> None:
+        for array in (self.angle_of_attack, self.mach, self.lift, self.drag):
+            array.setflags(write=False)
 
     def coefficients(self, angle_of_attack: Any, mach: Any) -> tuple[Any, Any]:
         """(C_L, C_D) at `angle_of_attack` (rad) and `mach`, the edge held outside the knots."""

@@ -42,6 +42,9 @@ class AltitudeCurve:
     terms: Array  # (k, 2): (e, o) by ascending powers of η
     edge_slopes: tuple[float, float]  # below 0 and above the top, 1/m
 
+    def __post_init__(self) -> None:
+        self.terms.setflags(write=False)
+
     def __call__(self, altitude: Any) -> Any:
         """Value at `altitude` (m)."""
         inside = np.minimum(np.maximum(altitude, 0.0), self.top)

@@ -47,6 +47,9 @@ class FlightNumbers:
     places: tuple[int, ...]  # (d,), index of each parameter, or `UNMOVED`
     limits: Limits  # of the mission
 
+    def __post_init__(self) -> None:
+        self.nominal.setflags(write=False)
+
     def at(self, parameters: Array) -> OfFlights:
         """Of n flights with p (n, d); what is no number is nominal."""
         numbers = np.repeat(self.nominal[:, None], len(parameters), axis=1)

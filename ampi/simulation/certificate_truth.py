@@ -61,8 +61,8 @@ class CheckedCertificates:
 
     @property
     def defect_correlation(self) -> float:
-        """Of the defects at the nodes and flown misses: what a miss is told by without a flight."""
-        return rank_correlation(self.certificate.defect[:, 0], self.flown)
+        """Of defects at the nodes and flown misses inside: what tells a miss without a flight."""
+        return rank_correlation(self.certificate.defect[self.inside, 0], self.flown[self.inside])
 
     @property
     def error(self) -> Array:

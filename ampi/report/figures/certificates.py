@@ -43,7 +43,7 @@ def certificate_figure(checked: Mapping[Mode, CheckedCertificates]) -> Figure:
     errors.set(xscale="log", yscale="log", xlabel="Flown miss (km)", ylabel="Error / flown miss")
     keys = [
         marker_key(
-            f"{mode.value} (rank correlation {own.rank_correlation:.4f})",
+            f"{mode.value} (rank correlation {own.rank_correlation:.5f})",
             MODE_STYLES[mode].marker,
             MODE_STYLES[mode].colour,
         )
