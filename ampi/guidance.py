@@ -32,6 +32,7 @@ Array = NDArray[np.float64]
 
 N_NAVIGATED = N_STATES + 1  # the states and the bank rate
 N_SENSED = 3
+ENGINES = ("auto", "native", "numpy")
 FASTEST = 2.0  # times the rate limit; a vehicle that is said to roll faster is told in another unit
 
 
@@ -68,12 +69,14 @@ class Guidance:
         cycle: float | None = None,
         limit_axes: Mapping[str, int] | None = None,
         mission_sha256: str | None = None,
+        engine: str = "auto",
     ) -> None:
         self.table, self.limits, self.mode = table, limits, Mode(mode)
         self.law: TrackingLaw = LinearQuadratic() if law is None else law
         self.limit_axes = dict(limit_axes or {})
         _check(table, limits, cycle, self.limit_axes, self.law)
         self.mission_sha256 = mission_sha256  # of the database's mission; None if made by hand
+        self.engine = _engine(engine, self.law)
         self._generator = ReferenceGenerator(table, self.mode)
         self._clock = CycleClock(cycle)
         self._allocate(1)
@@ -110,6 +113,10 @@ class Guidance:
         """The same guidance for a loop of another nominal cycle (s)."""
         return Guidance(**self._settings(cycle=cycle))
 
+    def on_engine(self, engine: str) -> Guidance:
+        """The same computed by another engine: "native", "numpy", or "auto", native where it is."""
+        return Guidance(**self._settings(engine=engine))
+
     def _settings(self, **changes: Any) -> dict[str, Any]:
         return {
             "table": self.table,
@@ -119,6 +126,7 @@ class Guidance:
             "cycle": self._clock.stated,
             "limit_axes": self.limit_axes,
             "mission_sha256": self.mission_sha256,
+            "engine": self.engine,
             **changes,
         }
 
@@ -320,6 +328,12 @@ def _check(
             f"({', '.join(row.name for row in law.layout.rows)}), got "
             f"{', '.join(row.name for row in table.layout.rows)}; load the database for this law"
         )
+
+
+def _engine(asked: str, law: TrackingLaw) -> str:
+    if asked not in ENGINES:
+        raise ValueError(f"engine: expected one of {', '.join(ENGINES)}, got {asked!r}")
+    return "numpy"
 
 
 def _restored(settings: dict[str, Any]) -> Guidance:

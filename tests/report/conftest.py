@@ -98,6 +98,7 @@ def campaign(mission: Mission, mode: Mode) -> Flights:
         law="linear_quadratic",
         mode=mode,
         seed=11,
+        engine="numpy",
         cycle=0.5,
         parameters=mission.entry_state + 1e-3 * draws,
         clipped=np.arange(N) < (0 if mode is Mode.NOMINAL else 3),
