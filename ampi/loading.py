@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Literal, get_args
 
@@ -12,12 +12,15 @@ from numpy.typing import NDArray
 from ampi.dataset import DatasetError, TrajectoryDataset, read_dataset
 from ampi.guidance import Guidance
 from ampi.missions.mission import Mission
-from ampi.onboard.reference import Mode
+from ampi.onboard.certificate import Certifier
+from ampi.onboard.reference import Mode, order_of
 from ampi.onboard.row_layout import RowKind, RowLayout
 from ampi.onboard.segments import Segments
+from ampi.onboard.subspace import Order
 from ampi.onboard.table import GuidanceTable, nearest_solved
+from ampi.onboard_model import certifier_of
 from ampi.pseudospectral.mesh import Mesh
-from ampi.tracker_design.drag_rows import drag_rows
+from ampi.table_sensitivities import loads, table_sensitivities
 from ampi.tracking.bank_limiter import BankLimits
 from ampi.tracking.drag_shuttle import DragShuttle
 from ampi.tracking.drag_sliding_mode import DragSlidingMode
@@ -27,7 +30,6 @@ from ampi.tracking.linear_quadratic import LinearQuadratic
 Array = NDArray[np.float64]
 Holes = Literal["refuse", "fly"]
 HOLES: tuple[Holes, ...] = get_args(Holes)
-AT_ONCE = 4096  # cases whose rows are made together: of a large database all would not fit
 
 
 def law_of(law: TrackingLaw | str, mission: Mission) -> TrackingLaw:
@@ -78,7 +80,7 @@ def guidance_table(
     """Pack what a law flies by, of every case of a database, into the table that flies.
 
     With `holes="fly"` a case without solution takes the rows of the nearest one that has one, and the
-    table says so.
+    table says so. Where the file holds sensitivities, so does the table.
 
     Raises
     ------
@@ -121,6 +123,7 @@ def guidance_table(
         solved=solved if len(missing) else None,
         circular=tuple(i for i, p in enumerate(dataset.mission.parameters) if p.number.is_circular),
         layout=layout,
+        sensitivities=table_sensitivities(dataset, layout, rows, final_time),
     )
 
 
@@ -140,20 +143,8 @@ def _parts(dataset: TrajectoryDataset, layout: RowLayout) -> dict[RowKind, Array
     if RowKind.GAIN in kinds:
         parts[RowKind.GAIN] = dataset.gains
     if RowKind.LOAD in kinds:
-        parts[RowKind.LOAD] = _drag_rows(dataset)
+        parts[RowKind.LOAD] = loads(dataset)
     return parts
-
-
-def _drag_rows(dataset: TrajectoryDataset) -> Array:
-    """`drag_rows` of all cases, (p…, 5, n)."""
-    points = np.stack(np.meshgrid(*dataset.axes, indexing="ij"), axis=-1)
-    family = dataset.mission.family(points.reshape(dataset.final_time.size, -1))
-    fixed, free = dataset.mission.pseudospectral_mesh.node_time
-    times = fixed + free * dataset.final_time.reshape(-1, 1)
-    states = dataset.states.reshape(-1, *dataset.states.shape[-2:])
-    blocks = [slice(i, i + AT_ONCE) for i in range(0, len(states), AT_ONCE)]
-    rows = [drag_rows(family.take(np.arange(len(states))[b]), states[b], times[b]) for b in blocks]
-    return np.concatenate(rows).reshape(*dataset.shape, -1, states.shape[-1])
 
 
 def load_guidance(
@@ -163,6 +154,8 @@ def load_guidance(
     holes: Holes = "refuse",
     cycle: float | None = None,
     law: TrackingLaw | str = "linear_quadratic",
+    orders: Mapping[str, Order | str] | None = None,
+    engine: str = "auto",
 ) -> Guidance:
     """Guidance from a database file, checked: schema version, checksums, completeness.
 
@@ -171,7 +164,7 @@ def load_guidance(
     path
         File made by `database.build`.
     mode
-        "ampi" (default), "mpi", "quadratic" or "nominal".
+        Name of a `Mode`; "ampi" is the paper's.
     holes
         Of a database in which cases have no solution: "refuse" it, or "fly" it, with references flagged
         where they need such a case (`Reference.hole`).
@@ -181,13 +174,26 @@ def load_guidance(
     law
         What tracks the reference: "linear_quadratic" (default), "drag_sliding_mode" or "drag_shuttle",
         with the gains that they come with; or a law with gains of one's own.
+    orders
+        Orders of interpolation by the names of parameters, {"speed": "quadratic"}; all others are
+        the mode's.
+    engine
+        What computes: "native", "numpy", or "auto", native where it is built.
 
     Raises
     ------
     DatasetError
         If the file cannot be trusted; the message says why and what to do.
     """
-    return guidance_of(read_dataset(path), mode=mode, holes=holes, cycle=cycle, law=law)
+    return guidance_of(
+        read_dataset(path),
+        mode=mode,
+        holes=holes,
+        cycle=cycle,
+        law=law,
+        orders=orders,
+        engine=engine,
+    )
 
 
 def guidance_of(
@@ -197,12 +203,15 @@ def guidance_of(
     holes: Holes = "refuse",
     cycle: float | None = None,
     law: TrackingLaw | str = "linear_quadratic",
+    orders: Mapping[str, Order | str] | None = None,
+    engine: str = "auto",
 ) -> Guidance:
     """The same from a database that has been read."""
     limits, names = dataset.mission.limits, dataset.names
     tracker = law_of(law, dataset.mission)
+    table = guidance_table(dataset, holes, tracker)
     return Guidance(
-        guidance_table(dataset, holes, tracker),
+        table,
         BankLimits(limits.bank_angle, limits.bank_rate, limits.bank_acceleration),
         mode,
         law=tracker,
@@ -213,4 +222,28 @@ def guidance_of(
             if f"limits.bank_{limit}" in names
         },
         mission_sha256=dataset.mission.digest,
+        orders=_orders(names, Mode(mode), orders),
+        certifier=_certifier(dataset.mission, table),
+        engine=engine,
     )
+
+
+def _orders(
+    names: Sequence[str], mode: Mode, given: Mapping[str, Order | str] | None
+) -> tuple[Order, ...] | None:
+    if given is None:
+        return None
+    for name in given:
+        if name not in names:
+            raise ValueError(
+                f"orders: expected parameters of the database ({', '.join(names)}), got {name!r}"
+            )
+    return tuple(Order(given.get(name, order_of(mode))) for name in names)
+
+
+def _certifier(mission: Mission, table: GuidanceTable) -> Certifier | None:
+    """None where the grid moves what the model on board holds fixed."""
+    try:
+        return certifier_of(mission, table.segments)
+    except ValueError:
+        return None
