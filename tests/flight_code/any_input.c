@@ -18,11 +18,7 @@ static ampi_reference reference;
 static ampi_guidance guidance;
 static double times[N_POINTS], rows[AMPI_MAX_ROWS * N_POINTS];
 
-static size_t put(size_t place, uint32_t word)
-{
-    (void)memcpy(&blob[place], &word, sizeof word);
-    return place + 4u;
-}
+static void put(size_t place, uint32_t word) { (void)memcpy(&blob[place], &word, sizeof word); }
 
 static size_t padded(size_t size) { return (size + 7u) / 8u * 8u; }
 
@@ -33,26 +29,33 @@ static size_t make(const layout *made)
     static const uint32_t BYTES[3] = {8u, 4u, 2u};
     const uint32_t columns = made->rows * N_NODES + 1u, vertices = made->points[0] * made->points[1];
     const uint32_t sizes[16] = {made->kind, made->law, 2u, made->rows, N_NODES, N_POINTS, 2u, WIDEST,
-                                1u, 1u, 0u, 1u, AMPI_NO_AXIS, made->holes, 0u, 0u};
-    const uint32_t axes[8] = {made->points[0], made->order[0], 1u, 0u, made->points[1], made->order[1],
-                              0u, 0u};
-    const uint32_t segments[8] = {3u, 9u, 0u, 0u, 4u, 2u, 0u, 0u};
-    size_t numbers, size, place = 0u, i;
+                                1u, 1u, 0u, 1u, 0xFFFFFFFFu, made->holes, 0u, 0u};
+    const uint32_t axes[2][4] = {{made->points[0], made->order[0], 1u, 0u},
+                                 {made->points[1], made->order[1], 0u, 0u}};
+    const uint32_t segments[2][4] = {{3u, 9u, 0u, 0u}, {4u, 2u, 0u, 0u}};
+    const size_t values = padded((size_t)vertices * columns * BYTES[made->kind]);
+    size_t numbers, size, i;
 
-    numbers = 4u + 2u * AMPI_N_STATES + AMPI_N_GAINS + 6u + made->points[0] + made->points[1] + 8u;
-    numbers += 2u * 2u * WIDEST + 2u * 3u * AMPI_BLOCK + 4u * AMPI_BLOCK + 2u * N_POINTS;
+    numbers = sizeof table.set / 8u + made->points[0] + made->points[1];
+    numbers += 2u * 2u * WIDEST + 3u * 9u + 4u * 2u + 2u * N_POINTS;
     numbers += (made->kind == (uint32_t)AMPI_INT16) ? (2u * columns) : 0u;
-    size = 32u + 64u + 64u + 8u * numbers + padded((size_t)vertices * columns * BYTES[made->kind]);
+    size = 32u + 64u + 2u * 40u + 2u * 48u + 8u * numbers + values;
     size += (made->holes != 0u) ? padded(vertices) : 0u;
 
     Frama_C_make_unknown((char *)blob, SIZE);
     (void)memcpy(blob, magic, sizeof magic);
-    place = put(put(8u, 0x01020304u), 1u);
-    (void)put(place, (uint32_t)(size - 32u));
-    place = 32u;
-    for (i = 0u; i < 16u; i++) { place = put(place, sizes[i]); }
-    for (i = 0u; i < 8u; i++) { place = put(place, axes[i]); }
-    for (i = 0u; i < 8u; i++) { place = put(place, segments[i]); }
+    put(8u, 0x01020304u);
+    put(12u, 1u);
+    put(16u, (uint32_t)(size - 32u));
+    for (i = 0u; i < 16u; i++) {
+        put(32u + 4u * i, sizes[i]);
+    }
+    for (i = 0u; i < 4u; i++) {
+        put(96u + 4u * i, axes[0][i]);
+        put(136u + 4u * i, axes[1][i]);
+        put(176u + 4u * i, segments[0][i]);
+        put(224u + 4u * i, segments[1][i]);
+    }
     return size;
 }
 
@@ -89,11 +92,11 @@ static void any_flight(const layout *made)
 
 int main(void)
 {
-    const layout linear = {AMPI_FLOAT64, AMPI_LINEAR_QUADRATIC, AMPI_LINEAR_ROWS, {2u, 4u},
+    const layout linear = {AMPI_FLOAT64, AMPI_LINEAR_QUADRATIC, N_LINEAR_ROWS, {2u, 4u},
                            {AMPI_LINEAR, AMPI_CUBIC}, 0u};
-    const layout shuttle = {AMPI_FLOAT32, AMPI_DRAG_SHUTTLE, AMPI_DRAG_ROWS, {3u, 3u},
+    const layout shuttle = {AMPI_FLOAT32, AMPI_DRAG_SHUTTLE, N_DRAG_ROWS, {3u, 3u},
                             {AMPI_NEAREST, AMPI_QUADRATIC}, 1u};
-    const layout sliding = {AMPI_INT16, AMPI_DRAG_SLIDING_MODE, AMPI_DRAG_ROWS, {4u, 1u},
+    const layout sliding = {AMPI_INT16, AMPI_DRAG_SLIDING_MODE, N_DRAG_ROWS, {4u, 1u},
                             {AMPI_SECOND_DIFFERENCES, AMPI_LINEAR}, 0u};
     fly();
     any_flight(&linear);
