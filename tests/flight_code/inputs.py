@@ -37,11 +37,15 @@ CASES = {
 
 
 def guidance_of(name: str) -> Guidance:
-    """One of `CASES`; curved and sliding with holes, and with bank limits that are parameters."""
+    """One of `CASES`, each with something of its own: holes, limits that are parameters, few points."""
     law, mode, names, _, _ = CASES[name]
     orders = None if names is None else tuple(Order(each) for each in names)
-    table = entry_table(LAWS[law])
+    table = entry_table(LAWS[law], (4, 3, 1) if name == "shuttle" else (4, 3, 2))
     if name in ("curved", "sliding"):
+        if name == "sliding":  # from where the angle of attack changes drag to where it does not
+            values = table.values.copy()
+            values[..., table.layout.index("drag_slope"), :] -= 1.15
+            table = replace(table, values=values)
         solved = np.random.default_rng(3).random(table.final_time.shape) < 0.8
         return Guidance(
             replace(table, solved=solved), LIMITS, mode, law=LAWS[law], orders=orders,

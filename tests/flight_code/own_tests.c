@@ -126,6 +126,7 @@ static void test_misuse(ampi_guidance *guidance, ampi_table *table, ampi_referen
     static ampi_guidance unbegun;
     static ampi_reference foreign;
     const double nowhere[AMPI_N_NAVIGATED] = {0.0};
+    const double beyond[AMPI_MAX_AXES] = {1e300, 1e300, 1e300};
     ampi_command command;
 
     expect(ampi_table_open(&shut, NULL, 0u) == AMPI_TRUNCATED, "NULL blob", 0.0, 1.0);
@@ -148,8 +149,12 @@ static void test_misuse(ampi_guidance *guidance, ampi_table *table, ampi_referen
     ampi_guidance_follow(guidance, table, &foreign, NULL);
     expect(guidance->reference.checksum == table->checksum, "foreign reference", 1.0, 0.0);
     ampi_guidance_follow(guidance, table, reference, nowhere);
+    command = ampi_guidance_step(guidance, table, (double)NAN, nowhere, NULL);
+    expect(command.health >= AMPI_BAD_TIME, "no time at the begin", (double)command.health, 7.0);
     command = ampi_guidance_step(guidance, table, 0.0, NULL, NULL);
     expect(command.health >= AMPI_BAD_NAVIGATION, "no navigation", (double)command.health, 6.0);
+    ampi_guidance_follow(guidance, table, reference, beyond);
+    expect(guidance->limit[0] == table->set.limit[0], "a limit beyond sense", guidance->limit[0], 0.0);
     guidance->reference.checksum ^= 1u;
     command = ampi_guidance_step(guidance, table, 1.0, nowhere, NULL);
     expect(command.health == AMPI_NOT_BEGUN, "another table", (double)command.health, 9.0);
@@ -163,6 +168,61 @@ static uint32_t crc_32(const unsigned char *bytes, size_t size)
         for (bit = 0u; bit < 8u; bit++) { crc = (crc >> 1) ^ (0xEDB88320u & (0u - (crc & 1u))); }
     }
     return ~crc;
+}
+
+static void repair(unsigned char *blob, size_t size)
+{
+    const uint32_t crc = crc_32(&blob[32], size - 32u);
+    (void)memcpy(&blob[20], &crc, sizeof crc);
+}
+
+/* A step from a copy of this flight: where longitude is the reference's and so much more, altitude so. */
+static double rate_beside(const ampi_guidance *flight, const ampi_table *table, double more, double altitude)
+{
+    static ampi_guidance copy;
+    const double sensed[3] = {-1e3, 0.0, 0.0};
+    double navigation[AMPI_N_NAVIGATED] = {0.0};
+    size_t i;
+    copy = *flight;
+    (void)ampi_guidance_step(&copy, table, 1.0, navigation, sensed); /* tells the row */
+    for (i = 0u; i < AMPI_N_NAVIGATED; i++) { navigation[i] = copy.row[i]; }
+    navigation[LONGITUDE] += more;
+    navigation[ALTITUDE] = (altitude != 0.0) ? altitude : navigation[ALTITUDE];
+    copy = *flight;
+    return ampi_guidance_step(&copy, table, 1.0, navigation, sensed).bank_rate;
+}
+
+/* A table to which all states are plausible, and whose lateral gains overflow. */
+static void test_edges(ampi_guidance *guidance, const ampi_table *own, const unsigned char *blob, size_t size)
+{
+    static ampi_table table;
+    const size_t set = own->points_of[0] - sizeof own->set;
+    unsigned char *copy = malloc(size);
+    double rate, turned;
+    size_t i;
+    table.set = own->set;
+    for (i = 0u; i < AMPI_N_STATES; i++) { table.set.reach[i] = 1e300; }
+    (void)memcpy(copy, blob, size);
+    (void)memcpy(&copy[set], &table.set, sizeof table.set);
+    repair(copy, size);
+    expect(ampi_table_open(&table, copy, size) == AMPI_OK, "a generous table", 1.0, 0.0);
+    ampi_guidance_begin(guidance, &table, NULL);
+    rate = rate_beside(guidance, &table, -AMPI_PI, 0.0);
+    turned = rate_beside(guidance, &table, -AMPI_TURN - AMPI_PI, 0.0);
+    expect(rate == turned, "half a turn is one and a half", turned, rate);
+    rate = rate_beside(guidance, &table, 0.0, -table.set.gain[1]); /* at the centre of the planet */
+    expect(fabs(rate) < HUGE_VAL, "bank rate at the centre of the planet", rate, 0.0);
+    for (i = 0u; i < AMPI_N_GAINS; i++) { table.set.gain[i] = (i < 5u) ? table.set.gain[i] : 1.7e308; }
+    table.set.reach[BANK] = 1e300;
+    (void)memcpy(&copy[set], &table.set, sizeof table.set);
+    repair(copy, size);
+    expect(ampi_table_open(&table, copy, size) == AMPI_OK, "a table of great gains", 1.0, 0.0);
+    ampi_guidance_begin(guidance, &table, NULL);
+    for (i = 0u; i < 2u; i++) { /* off the heading to both sides */
+        rate = rate_beside(guidance, &table, (i == 0u) ? -1.0 : 1.0, 0.0);
+        expect(fabs(rate) < HUGE_VAL, "bank rate of great gains", rate, 0.0);
+    }
+    free(copy);
 }
 
 static void test_damages(const unsigned char *blob, size_t size, size_t count)
@@ -179,18 +239,17 @@ static void test_damages(const unsigned char *blob, size_t size, size_t count)
         (void)memcpy(copy, blob, size);
         for (j = 0u; j < n; j++) { copy[place + j] = (unsigned char)*next_number++; }
         if (is_fixed) {
-            const uint32_t crc = crc_32(&copy[32], size - 32u);
-            (void)memcpy(&copy[20], &crc, sizeof crc);
+            repair(copy, size);
         }
         told = ampi_table_open(&table, copy, size);
         expect((double)told == status, "status of a damage", (double)told + 100.0 * (double)i, status);
     }
     for (j = 0u; j < size; j += 1u + size / 200u) { /* cut short anywhere, whatever it says of itself */
-        const uint32_t left = (uint32_t)j - 32u, crc = (j > 32u) ? crc_32(&blob[32], j - 32u) : 0u;
+        const uint32_t left = (uint32_t)j - 32u;
         (void)memcpy(copy, blob, j);
         if (j > 32u) {
             (void)memcpy(&copy[16], &left, sizeof left);
-            (void)memcpy(&copy[20], &crc, sizeof crc);
+            repair(copy, j);
         }
         expect(ampi_table_open(&table, copy, j) != AMPI_OK, "a blob cut short", (double)j, 0.0);
     }
@@ -229,6 +288,7 @@ static void test_case(const char *blob_path, const char *cases_path)
     for (i = 0u; i < n_references; i++) { test_reference(&table, &reference, error); }
     for (i = 0u; i < n_flights; i++) { test_flight(&guidance, &table, n_steps, is_exact, to_the_bit); }
     test_damages(blob, size, n_damages);
+    test_edges(&guidance, &table, blob, size);
     test_misuse(&guidance, &table, &reference);
     free(scratch);
     free(cases);
