@@ -153,20 +153,19 @@ ampi_command ampi_guidance_step(ampi_guidance *guidance, const ampi_table *table
                                 const double navigation[AMPI_N_NAVIGATED], const double *sensed)
 {
     ampi_command command = {0.0, 0.0, 0.0, AMPI_HELD, AMPI_NOT_BEGUN};
-    double told[AMPI_N_NAVIGATED], state[AMPI_N_STATES], felt[3], bank, rate, own, wanted, angle, last;
-    bool is_in_time, is_ended, is_lost, is_state, is_rate, is_known = true;
-    size_t i;
+    static const double NOTHING[AMPI_N_NAVIGATED] = {NAN, NAN, NAN, NAN, NAN, NAN, NAN, NAN};
+    const double *told = (navigation != NULL) ? navigation : NOTHING;
+    const double *felt = (sensed != NULL) ? sensed : NOTHING;
+    double state[AMPI_N_STATES], bank, rate, own, wanted, angle, last;
+    bool is_in_time, is_ended, is_lost, is_state, is_rate;
+    size_t i, known = 0u;
 
     if ((table->is_open != AMPI_OPEN) || (guidance->is_begun != AMPI_OPEN)
         || (guidance->reference.checksum != table->checksum)) {
         return command;
     }
     for (i = 0u; i < AMPI_N_NAVIGATED; i++) {
-        told[i] = (navigation != NULL) ? navigation[i] : (double)NAN;
-        is_known = is_known && (fabs(told[i]) < AMPI_SANE);
-    }
-    for (i = 0u; i < 3u; i++) {
-        felt[i] = (sensed != NULL) ? sensed[i] : (double)NAN;
+        known += (fabs(told[i]) < AMPI_SANE) ? 1u : 0u;
     }
     is_in_time = advance(guidance, table, time);
     if (guidance->is_first != 0u) {
@@ -188,7 +187,7 @@ ampi_command ampi_guidance_step(ampi_guidance *guidance, const ampi_table *table
 
     command.health = guidance->reference.health;
     if (!(is_state && is_rate)) {
-        command.health = is_known ? AMPI_IMPLAUSIBLE_NAVIGATION : AMPI_BAD_NAVIGATION;
+        command.health = (known == AMPI_N_NAVIGATED) ? AMPI_IMPLAUSIBLE_NAVIGATION : AMPI_BAD_NAVIGATION;
     }
     command.health = is_in_time ? command.health : AMPI_BAD_TIME;
     command.health = is_ended ? AMPI_AFTER_FINAL_TIME : command.health;
