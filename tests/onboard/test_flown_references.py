@@ -32,8 +32,13 @@ def drawn(table: GuidanceTable, n: int, seed: int) -> FlownReferences:
 
 
 def by_energy(times: Array, rows: Array) -> Array:
-    """Something else than time that increases."""
-    return times**2 + 3.0
+    """Something else than time that increases, and of which time is a quadratic function."""
+    return np.sqrt(times + 25.0)
+
+
+def by_two(times: Array, rows: Array) -> Array:
+    """At first the time, then, a long way off, the energy."""
+    return np.where(times < 40.0, times - 1e9, by_energy(times, rows))
 
 
 @laws
@@ -97,15 +102,30 @@ def test_what_increases_along_a_reference_may_be_something_else_than_time(
 ) -> None:
     """In any order of the look-ups: forwards, back, and from one end to the other."""
     flown = drawn(table, 3, 5)
+    by_time, ends = drawn(table, 3, 5), by_energy(flown.final_time, flown.final_time)
+    flown.look_up_by(by_energy)
+    assert flown.end == pytest.approx(ends, rel=1e-15)
+    for share in (0.0, *shares, 1.0, 0.0):
+        value = 5.0 + share * (ends - 5.0)
+        instant = np.clip(value**2 - 25.0, 0.0, flown.final_time)  # held at both ends
+        assert flown.at(value) == pytest.approx(by_time.at(instant), abs=1e-9)
+
+
+@laws
+@given(share=st.floats(0.0, 1.0))
+def test_where_the_look_up_changes_neither_side_bends_the_other(
+    table: GuidanceTable, share: float
+) -> None:
+    flown, by_time = drawn(table, 3, 5), drawn(table, 3, 5)
+    flown.look_up_by(by_two)
+    instant = share * flown.final_time
+    found = flown.at(by_two(instant, instant))
     fixed, free = table.high_density_time
     times = fixed + free * flown.final_time[:, None]
-    by_time, spent = drawn(table, 3, 5), by_energy(times, times)
-    flown.look_up_by(by_energy)
-    assert np.array_equal(flown.end, spent[:, -1])
-    for share in (0.0, *shares, 1.0, 0.0):
-        value = spent[:, 0] + share * (spent[:, -1] - spent[:, 0])
-        instant = [np.interp(v, s, t) for v, s, t in zip(value, spent, times, strict=True)]
-        assert flown.at(value) == pytest.approx(by_time.at(np.array(instant)), abs=1e-9)
+    changes = [t[np.searchsorted(t, 40.0) - 1 :][:2] for t in times]  # in no other interval
+    for i, (last, first) in enumerate(changes):
+        if not last < instant[i] < first:
+            assert found[:, i] == pytest.approx(by_time.at(instant)[:, i], abs=1e-5)
 
 
 def test_a_reference_is_flown_with_what_is_told_of_it_and_keeps_its_numbers(
