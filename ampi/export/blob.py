@@ -5,15 +5,15 @@
     body     in this order, each part padded with zeros to a multiple of eight bytes:
       sizes      16 × uint32, as `_sizes` lists them
       text       UTF-8: law, rows with units, axes, how the values are stored
-      axes       d × 4 uint32: points, order (1 to 5, as `ORDERS`), whether circular, 0
-      segments   s × 4 uint32: low-density nodes, high-density points, 0, 0
+      axes       d of uint32 points, order (1 to 5, as `ORDERS`), whether circular, 0; float64 least,
+                 greatest and nominal parameter of the whole table, of which a mode may use a part
+      segments   s of uint32 low-density nodes, high-density points, 0, 0; float64 (a, b) of its begin,
+                 and of half its length, t = a + b t_f
       settings   float64: limits of bank angle, rate, acceleration; nominal cycle; middle and reach of
                  plausible states (7 each); 16 gains of the law
-      edges      d × 3 float64: least, greatest, nominal parameter, of the whole table
       points     of each axis, float64
-      times      s × 4 float64: (a, b) of a segment's begin, and of half its length, t = a + b t_f
-      matrix     of each segment: its nodes τ and their weights, padded to those of the widest; then for
-                 every eight of its high-density points the LD→HD matrix [nodes][8], zero beyond the last
+      matrix     of each segment: its nodes τ and their weights, padded to those of the widest; then its
+                 part of the LD→HD matrix, [nodes][points]
       instants   a, then b, of the m high-density points
       map        of int16: offset, then scale of each column; value = offset + scale × stored
       values     (n_1 … n_d) in C order × columns: r × n nodal values, then the final time
@@ -50,7 +50,6 @@ KINDS: tuple[Kind, ...] = get_args(Kind)
 
 MAGIC = b"\x89AMPI\r\n\x1a"
 BYTE_ORDER_MARK, FORMAT = 0x01020304, 1
-BLOCK = 8  # high-density points that are converted at once
 N_GAINS = 16
 NO_AXIS = 0xFFFFFFFF
 LAWS: tuple[type, ...] = (LinearQuadratic, DragSlidingMode, DragShuttle)  # by their numbers in C
@@ -176,42 +175,36 @@ class _Flown:
         )
 
     def counts(self, orders: tuple[str, ...]) -> bytes:
-        """Of axes and segments."""
-        circular = self.table.circular
-        axes = [
-            (len(axis), ORDERS[order], int(i in circular), 0)
-            for i, (axis, order) in enumerate(zip(self.cut.axes, orders, strict=True))
-        ]
-        nodes = self.table.segments.counts
-        points = np.bincount(self.segment, minlength=len(nodes))
-        segments = [(int(k), int(m), 0, 0) for k, m in zip(nodes, points, strict=True)]
-        return np.array(axes + segments, "<u4").tobytes()
+        """Of axes and segments, with the edges of the ones and the times of the others."""
+        table, segments = self.table, self.table.segments
+        axes = np.zeros(len(table.axes), dtype=[("counts", "<u4", 4), ("edges", "<f8", 3)])
+        for i, (whole, cut, order) in enumerate(
+            zip(table.axes, self.cut.axes, orders, strict=True)
+        ):
+            axes[i]["counts"] = (len(cut), ORDERS[order], int(i in table.circular), 0)
+            axes[i]["edges"] = (whole[0], whole[-1], whole[table.centre[i]])
+        own = np.zeros(len(segments), dtype=[("counts", "<u4", 4), ("times", "<f8", (2, 2))])
+        own["counts"][:, 0] = segments.counts
+        own["counts"][:, 1] = np.bincount(self.segment, minlength=len(segments))
+        own["times"] = np.stack([segments.start.T, segments.half_length.T], axis=1)
+        return axes.tobytes() + own.tobytes()
 
     def numbers(self) -> list[bytes]:
-        """Settings, edges, points, times, matrix and instants."""
+        """Settings, points, matrix and instants."""
         table, segments, envelope = self.table, self.table.segments, self.table.envelope
         limits = [self.limits.angle, self.limits.rate, self.limits.acceleration]
         cycle = NOMINAL_CYCLE if self.cycle is None else self.cycle
         gains = _gains(self.law)
         settings = [*limits, cycle, *envelope.middle, *envelope.reach]
         settings += [*gains, *[0.0] * (N_GAINS - len(gains))]
-        whole = zip(table.axes, table.centre, strict=True)
-        edges = [(axis[0], axis[-1], axis[i]) for axis, i in whole]
-        times = np.concatenate([segments.start, segments.half_length]).T
-        matrix = [
-            block
-            for s in range(len(segments))
-            for block in (segments.nodes[s], segments.weights[s], *self._blocks(s))
-        ]
-        arrays = [settings, edges, *self.cut.axes, times, *matrix, *table.high_density_time]
+        matrix: list[Array] = []
+        for s, (first, count) in enumerate(
+            zip(segments.first_node, segments.counts, strict=True)
+        ):
+            own = table.conversion[first : first + count, self.segment == s]
+            matrix += [segments.nodes[s], segments.weights[s], own]
+        arrays = [settings, *self.cut.axes, *matrix, *table.high_density_time]
         return [np.asarray(array, "<f8").tobytes() for array in arrays]
-
-    def _blocks(self, s: int) -> list[Array]:
-        """Blocks (nodes, BLOCK) of the LD→HD matrix of a segment."""
-        first, count = self.table.segments.first_node[s], self.table.segments.counts[s]
-        own = self.table.conversion[first : first + count, self.segment == s]
-        padded = np.pad(own, ((0, 0), (0, -own.shape[1] % BLOCK)))
-        return [padded[:, i : i + BLOCK] for i in range(0, padded.shape[1], BLOCK)]
 
 
 def _segments_of_points(table: GuidanceTable) -> NDArray[np.intp]:

@@ -14,10 +14,10 @@ void probe_reference(const ampi_table *table, const ampi_reference *reference, d
                      double *excess, uint32_t *cell, uint32_t *clipped, int32_t *told)
 {
     size_t i;
-    for (i = 0u; i < table->n_columns; i++) {
+    for (i = 0u; i < table->columns; i++) {
         columns[i] = (double)reference->rows[i];
     }
-    for (i = 0u; i < table->n_axes; i++) {
+    for (i = 0u; i < table->n.axes; i++) {
         excess[i] = reference->excess[i];
         cell[i] = reference->cell[i];
         clipped[i] = reference->clipped[i];

@@ -6,53 +6,43 @@
 #define DISTINCT 1e-3     /* s or J/kg between points of a reference, lest two are the same */
 #define LEAST_SLOPE 0.1   /* 1/rad: an angle of attack that changes the drag less is left alone */
 
-/* Gains, as `ampi.export.blob` writes them: those of both drag laws, then of the one. */
-enum {
-    MU = 0, RADIUS, FELT_DRAG, DEADBAND, LEAST_RANGE, TURNING_RATE, BRAKING, FIRST_OF_LAW,
-    DRAG_GAIN = FIRST_OF_LAW, DESCENT_GAIN,
-    LAMBDA = FIRST_OF_LAW, REACHING, SWITCHING, BOUNDARY, BANDWIDTH, MOST_DISTURBANCE, MOST_ANGLE,
-    ANGLE_RATE
+enum { /* gains, as ampi/export/blob.py writes them: of both drag laws, then of the one */
+    MU = 0, RADIUS, FELT_DRAG, DEADBAND, LEAST_RANGE, TURN_RATE, BRAKING, DRAG_GAIN, DESCENT_GAIN,
+    LAMBDA = DRAG_GAIN, REACHING, SWITCHING, BOUNDARY, BANDWIDTH, MOST_DISTURBANCE, MOST_ANGLE, ANGLE_RATE
 };
-
-/* Memory of the drag laws. */
-enum { TURNING = 0, SURFACE, DISTURBANCE, ANGLE };
+enum { TURNING = 0, SURFACE, DISTURBANCE, ANGLE }; /* memory of the drag laws */
 
 typedef struct {
-    double drag, lift; /* m/s^2, the reference's where they are not known */
-    int is_known;
+    double drag, lift; /* m/s^2; the reference's where they are not known */
+    bool is_known;
 } accelerations;
 
-/* `angle` in [-pi, pi), to the bit as Python's modulo: a power of two of turns is exact, a multiple by
-   division is not; fmod would take as many instructions as the angle has turns. */
+/* `angle` in [-pi, pi), with the bits of Python's modulo: to subtract a power of two of turns is exact.
+   fmod would take as many instructions as the angle has turns. */
 static double wrapped(double angle)
 {
     const double shifted = angle + AMPI_PI;
     double rest = fabs(shifted), turns;
 
-    rest -= (32.0 * AMPI_TURN) * floor(rest / (32.0 * AMPI_TURN));
-    for (turns = 16.0; turns >= 1.0; turns *= 0.5) {
-        rest -= (rest >= (turns * AMPI_TURN)) ? (turns * AMPI_TURN) : 0.0;
+    rest -= 32.0 * AMPI_TURN * floor(rest / (32.0 * AMPI_TURN));
+    for (turns = 16.0 * AMPI_TURN; turns >= AMPI_TURN; turns *= 0.5) {
+        rest -= (rest >= turns) ? turns : 0.0;
     }
-    rest = ((shifted < 0.0) && (rest > 0.0)) ? (AMPI_TURN - rest) : rest;
-    return rest - AMPI_PI;
+    return (((shifted < 0.0) && (rest > 0.0)) ? (AMPI_TURN - rest) : rest) - AMPI_PI;
 }
 
 static double linear_quadratic(const double *at, const double *state)
 {
-    double error[AMPI_N_STATES], sum = 0.0;
+    double sum = 0.0;
     size_t i;
     for (i = 0u; i < AMPI_N_STATES; i++) {
-        error[i] = state[i] - at[i];
+        const double error = state[i] - at[i];
+        sum += at[FIRST_GAIN + i] * (((i == LONGITUDE) || (i == AZIMUTH)) ? wrapped(error) : error);
     }
-    error[AMPI_LONGITUDE] = wrapped(error[AMPI_LONGITUDE]);
-    error[AMPI_AZIMUTH] = wrapped(error[AMPI_AZIMUTH]);
-    for (i = 0u; i < AMPI_N_STATES; i++) {
-        sum += at[(size_t)AMPI_FIRST_GAIN + i] * error[i];
-    }
-    return at[AMPI_BANK_RATE] - sum;
+    return at[BANK_RATE] - sum;
 }
 
-/* Minus E of Eq. (1), J/kg. */
+/* -E of Eq. (1), J/kg. */
 static double energy_lost(const double *gain, double altitude, double speed)
 {
     return -(0.5 * speed * speed - gain[MU] / (gain[RADIUS] + altitude));
@@ -60,114 +50,95 @@ static double energy_lost(const double *gain, double altitude, double speed)
 
 void ampi_along(const ampi_table *table, const ampi_reference *reference, double *along)
 {
-    ampi_real block[AMPI_MAX_DEGREE_NODES * AMPI_BLOCK], drag[AMPI_BLOCK], height[AMPI_BLOCK];
-    ampi_real speed[AMPI_BLOCK];
-    const size_t n = table->n_nodes;
-    double most = -HUGE_VAL;
-    int is_felt = 0;
-    size_t s, b, j, point = 0u;
+    ampi_real points[(LOG_DRAG + 1) * AMPI_CHUNK];
+    double furthest = -HUGE_VAL;
+    bool is_felt = false;
+    size_t s, first, size, j, done = 0u;
 
-    for (s = 0u; s < table->n_segments; s++) {
-        const ampi_segment *segment = &table->segment[s];
-        const ampi_real *values = &reference->rows[segment->first_node];
-        const size_t nodes = segment->nodes;
-        for (b = 0u; (b * AMPI_BLOCK) < segment->points; b++) {
-            ampi_load_block(table, segment, b, block);
-            ampi_convert(block, &values[(size_t)AMPI_LOG_DRAG * n], nodes, drag);
-            ampi_convert(block, &values[(size_t)AMPI_ALTITUDE * n], nodes, height);
-            ampi_convert(block, &values[(size_t)AMPI_SPEED * n], nodes, speed);
-            for (j = 0u; (j < AMPI_BLOCK) && ((b * AMPI_BLOCK + j) < segment->points); j++) {
-                const double lost = energy_lost(table->gain, (double)height[j], (double)speed[j]);
-                const double time = ampi_time_of(table, reference, point);
-                is_felt |= (exp((double)drag[j]) > table->gain[FELT_DRAG]) ? 1 : 0;
-                most = ampi_max(most, (is_felt != 0) ? lost : (BEFORE_AIR + time));
-                along[point] = most + DISTINCT * (double)point;
-                point++;
+    for (s = 0u; s < table->n.segments; s++) {
+        for (first = 0u; first < table->segment[s].points; first += size) {
+            size = ampi_chunk(table, reference, s, first, LOG_DRAG + 1, points);
+            for (j = 0u; j < size; j++) {
+                const double altitude = (double)points[ALTITUDE * AMPI_CHUNK + j];
+                const double speed = (double)points[SPEED * AMPI_CHUNK + j];
+                const double drag = exp((double)points[LOG_DRAG * AMPI_CHUNK + j]);
+                const double time = time_of(table, reference->final_time, done);
+                is_felt = is_felt || (drag > table->set.gain[FELT_DRAG]);
+                furthest = most(furthest, is_felt ? energy_lost(table->set.gain, altitude, speed)
+                                                  : (BEFORE_AIR + time));
+                along[done] = furthest + DISTINCT * (double)done;
+                done++;
             }
         }
     }
 }
 
 double ampi_instant(const ampi_guidance *guidance, const ampi_table *table, const double *state,
-                    const double *sensed, int *ended, int *lost)
+                    const double *sensed, bool *is_ended, bool *is_lost)
 {
-    const double *along = guidance->along;
-    const size_t last = table->n_points - 1u;
-    const int is_by_time = (table->law == (size_t)AMPI_LINEAR_QUADRATIC) ? 1 : 0;
-    const double end = (is_by_time != 0) ? guidance->reference.final_time : along[last];
-    double value = guidance->now, w, before;
+    const double *along = guidance->along, *gain = table->set.gain;
+    const double final_time = guidance->reference.final_time;
+    const size_t last = table->n.points - 1u;
+    const bool is_by_time = (table->n.law == AMPI_LINEAR_QUADRATIC);
+    const double end = is_by_time ? final_time : along[last];
+    const bool is_felt = !is_by_time && !(-sensed[0] <= gain[FELT_DRAG]); /* not known: felt */
+    double value = guidance->now + (is_by_time ? 0.0 : BEFORE_AIR), share, before;
     size_t i = 0u, step;
 
-    if ((is_by_time == 0) && (-sensed[0] <= table->gain[FELT_DRAG])) {
-        value += BEFORE_AIR;
-    } else if (is_by_time == 0) { /* a drag that is not known counts as felt */
-        value = energy_lost(table->gain, state[AMPI_ALTITUDE], state[AMPI_SPEED]);
-    } else {
-        /* the time */
-    }
-    *ended = (value >= end) ? 1 : 0;
-    *lost = (value != value) ? 1 : 0;
-    value = (*lost != 0) ? end : value;
-    if (is_by_time != 0) {
+    value = is_felt ? energy_lost(gain, state[ALTITUDE], state[SPEED]) : value;
+    *is_ended = (value >= end);
+    *is_lost = (value != value);
+    value = *is_lost ? end : value;
+    if (is_by_time) {
         return value;
     }
-    for (step = AMPI_MAX_POINTS; step > 0u; step /= 2u) { /* the last point at or below the value */
-        i += (((i + step) < last) && (along[(i + step < last) ? (i + step) : 0u] <= value)) ? step : 0u;
+    for (step = AMPI_MAX_POINTS; step > 0u; step /= 2u) { /* the last point but one that is reached */
+        const size_t next = ((i + step) < last) ? (i + step) : i;
+        i = (along[next] <= value) ? next : i;
     }
-    w = ampi_clipped((value - along[i]) / (along[i + 1u] - along[i]), 0.0, 1.0);
-    before = ampi_time_of(table, &guidance->reference, i);
-    return before + w * (ampi_time_of(table, &guidance->reference, i + 1u) - before);
+    share = clipped((value - along[i]) / (along[i + 1u] - along[i]), 0.0, 1.0);
+    before = time_of(table, final_time, i);
+    return before + share * (time_of(table, final_time, i + 1u) - before);
 }
 
-/* Drag and lift, as sensed where they are. */
 static accelerations sensed_of(const double *at, const double *sensed)
 {
-    const double reference = exp(at[AMPI_LOG_DRAG]);
     const double drag = -sensed[0], lift = sqrt(sensed[1] * sensed[1] + sensed[2] * sensed[2]);
-    accelerations felt;
+    const double reference = exp(at[LOG_DRAG]);
+    accelerations felt = {drag, lift, (drag > 0.0) && (drag < HUGE_VAL) && (lift < HUGE_VAL)};
 
-    felt.is_known = ((drag > 0.0) && (drag < HUGE_VAL) && (lift < HUGE_VAL)) ? 1 : 0;
-    felt.drag = (felt.is_known != 0) ? drag : reference;
-    felt.lift = (felt.is_known != 0) ? lift : (reference * fabs(at[AMPI_LIFT_TO_DRAG]));
+    felt.drag = felt.is_known ? drag : reference;
+    felt.lift = felt.is_known ? lift : (reference * fabs(at[LIFT_TO_DRAG]));
     return felt;
-}
-
-/* Bank angle without sign of this cosine; the reference's until the air is felt. */
-static double size_of(const double *gain, const double *at, accelerations felt, double cosine)
-{
-    const double inside = ampi_clipped(cosine, -1.0, 1.0);
-    const int is_used = (felt.drag > gain[FELT_DRAG]) && (inside == inside);
-    return is_used ? acos(inside) : fabs(at[AMPI_BANK]);
 }
 
 /* Sign of the bank angle: the reference's, unless the heading has left the deadband, Eq. (2). */
 static double side_of(const double *gain, const double *at, const double *state, double *turning)
 {
-    const double east = wrapped(state[AMPI_LONGITUDE] - at[AMPI_LONGITUDE]) * cos(at[AMPI_LATITUDE]);
-    const double north = state[AMPI_LATITUDE] - at[AMPI_LATITUDE];
-    const double right = gain[RADIUS] * (east * cos(at[AMPI_AZIMUTH]) - north * sin(at[AMPI_AZIMUTH]));
-    const double to_go = ampi_max(at[AMPI_RANGE_TO_GO], gain[LEAST_RANGE]);
-    const double error = wrapped(state[AMPI_AZIMUTH] - at[AMPI_AZIMUTH]) + right / to_go;
-    const int goes_on = ((*turning * error) < 0.0) && (fabs(error) > (0.5 * gain[DEADBAND]));
+    const double east = wrapped(state[LONGITUDE] - at[LONGITUDE]) * cos(at[LATITUDE]);
+    const double north = state[LATITUDE] - at[LATITUDE];
+    const double right = gain[RADIUS] * (east * cos(at[AZIMUTH]) - north * sin(at[AZIMUTH]));
+    const double error = wrapped(state[AZIMUTH] - at[AZIMUTH]) + right / most(at[RANGE_TO_GO], gain[LEAST_RANGE]);
+    const bool goes_on = ((*turning * error) < 0.0) && (fabs(error) > (0.5 * gain[DEADBAND]));
 
     *turning = goes_on ? *turning : 0.0;
-    if (fabs(error) > gain[DEADBAND]) {
-        *turning = (error > 0.0) ? -1.0 : 1.0;
-    }
-    return (*turning != 0.0) ? *turning : ((at[AMPI_BANK] < 0.0) ? -1.0 : 1.0);
+    *turning = (fabs(error) > gain[DEADBAND]) ? ((error > 0.0) ? -1.0 : 1.0) : *turning;
+    return (*turning != 0.0) ? *turning : ((at[BANK] < 0.0) ? -1.0 : 1.0);
 }
 
-/* Bank rate towards a bank angle of this size, on the side of the lateral logic. */
-static double steered(const double *gain, const double *at, const double *state, double size,
-                      double *turning)
+/* Bank rate towards a bank angle of this cosine, the reference's until the air is felt, on the side of
+   the lateral logic. */
+static double steered(const double *gain, const double *at, const double *state, accelerations felt,
+                      double cosine, double *turning)
 {
-    const double side = side_of(gain, at, state, turning);
-    const double own = (at[AMPI_BANK] < 0.0) ? -1.0 : 1.0;
-    const double missing = side * size - state[AMPI_BANK];
-    const double most = fabs(missing);
-    const double approach = ampi_min(gain[TURNING_RATE] * most, sqrt(2.0 * gain[BRAKING] * most));
-    const double rate = side * own * at[AMPI_BANK_RATE] + copysign(approach, missing);
-    return (fabs(rate) < HUGE_VAL) ? rate : at[AMPI_BANK_RATE];
+    const double inside = clipped(cosine, -1.0, 1.0);
+    const bool is_used = (felt.drag > gain[FELT_DRAG]) && (inside == inside);
+    const double size = is_used ? acos(inside) : fabs(at[BANK]);
+    const double side = side_of(gain, at, state, turning), own = (at[BANK] < 0.0) ? -1.0 : 1.0;
+    const double missing = side * size - state[BANK], far = fabs(missing);
+    const double approach = least(gain[TURN_RATE] * far, sqrt(2.0 * gain[BRAKING] * far));
+    const double rate = side * own * at[BANK_RATE] + copysign(approach, missing);
+    return (fabs(rate) < HUGE_VAL) ? rate : at[BANK_RATE];
 }
 
 static double drag_shuttle(ampi_guidance *guidance, const double *gain, const double *state,
@@ -175,14 +146,11 @@ static double drag_shuttle(ampi_guidance *guidance, const double *gain, const do
 {
     const double *at = guidance->row;
     const accelerations felt = sensed_of(at, sensed);
-    const double climb = state[AMPI_SPEED] * sin(state[AMPI_PATH_ANGLE])
-                         - at[AMPI_SPEED] * sin(at[AMPI_PATH_ANGLE]);
-    const double more = felt.drag - exp(at[AMPI_LOG_DRAG]);
-    double vertical = at[AMPI_LIFT_TO_DRAG] * cos(at[AMPI_BANK]);
-
-    vertical = vertical + gain[DRAG_GAIN] * more + gain[DESCENT_GAIN] * climb;
-    vertical = vertical * felt.drag / felt.lift;
-    return steered(gain, at, state, size_of(gain, at, felt, vertical), &guidance->memory[TURNING]);
+    const double climb = state[SPEED] * sin(state[PATH_ANGLE]) - at[SPEED] * sin(at[PATH_ANGLE]);
+    const double more = felt.drag - exp(at[LOG_DRAG]);
+    const double vertical = at[LIFT_TO_DRAG] * cos(at[BANK]) + gain[DRAG_GAIN] * more
+                            + gain[DESCENT_GAIN] * climb; /* Eq. (1) */
+    return steered(gain, at, state, felt, vertical * felt.drag / felt.lift, &guidance->memory[TURNING]);
 }
 
 static double drag_sliding_mode(ampi_guidance *guidance, const double *gain, const double *state,
@@ -190,58 +158,47 @@ static double drag_sliding_mode(ampi_guidance *guidance, const double *gain, con
 {
     const double *at = guidance->row;
     const accelerations felt = sensed_of(at, sensed);
-    const double step = guidance->expected;
-    const double drag = exp(at[AMPI_LOG_DRAG]), slope = at[AMPI_DRAG_SLOPE];
-    const double far = gain[RADIUS] + state[AMPI_ALTITUDE];
-    const double gravity = gain[MU] / (far * far);
-    const double inverse = 1.0 / at[AMPI_SCALE_HEIGHT]
-                           + 2.0 * gravity / (state[AMPI_SPEED] * state[AMPI_SPEED]); /* Eq. (1) */
-    const double climb = sin(state[AMPI_PATH_ANGLE]) - felt.drag / drag * sin(at[AMPI_PATH_ANGLE]);
-    const double rate = -inverse * state[AMPI_SPEED] * climb; /* Eq. (2) */
-    const double authority = inverse * cos(state[AMPI_PATH_ANGLE]);
-    const double vertical = drag * at[AMPI_LIFT_TO_DRAG] * cos(at[AMPI_BANK]);
-    const double above = felt.lift * cos(state[AMPI_BANK]) - vertical;
-    const double most = gain[MOST_DISTURBANCE] * felt.lift * authority;
-    const double steep = ampi_max(slope, LEAST_SLOPE);
-    const double forgotten = -expm1(-gain[BANDWIDTH] * step);
+    const double step = guidance->expected, drag = exp(at[LOG_DRAG]), slope = at[DRAG_SLOPE];
+    const double far = gain[RADIUS] + state[ALTITUDE], gravity = gain[MU] / (far * far);
+    const double inverse = 1.0 / at[SCALE_HEIGHT] + 2.0 * gravity / (state[SPEED] * state[SPEED]);
+    const double climb = sin(state[PATH_ANGLE]) - felt.drag / drag * sin(at[PATH_ANGLE]);
+    const double rate = -inverse * state[SPEED] * climb; /* Eq. (2) */
+    const double authority = inverse * cos(state[PATH_ANGLE]);
+    const double vertical = drag * at[LIFT_TO_DRAG] * cos(at[BANK]);
+    const double above = felt.lift * cos(state[BANK]) - vertical;
+    const double bound = gain[MOST_DISTURBANCE] * felt.lift * authority;
+    const double forgotten = -expm1(-gain[BANDWIDTH] * step), steep = most(slope, LEAST_SLOPE);
     double *memory = guidance->memory;
-    double error = log(felt.drag / drag) - slope * memory[ANGLE];
-    double s, known, ahead, d, reaching, cosine, spare, wanted, size;
-    int is_acting;
+    const double off = log(felt.drag / drag) - slope * memory[ANGLE], error = felt.is_known ? off : 0.0;
+    const double s = rate + gain[LAMBDA] * drag * error;
+    const double known = gain[LAMBDA] * drag * rate - authority * above;
+    const bool is_acting = (felt.drag > gain[FELT_DRAG]) && (fabs(s + known) < HUGE_VAL);
+    const double ahead = memory[SURFACE] + step * (known + memory[DISTURBANCE]); /* the observer */
+    const double d = memory[DISTURBANCE] + forgotten * forgotten / step * (s - ahead);
+    double asked, cosine, spare, wanted;
 
-    error = (felt.is_known != 0) ? error : 0.0;
-    s = rate + gain[LAMBDA] * drag * error;
-    known = gain[LAMBDA] * drag * rate - authority * above;
-    is_acting = (felt.drag > gain[FELT_DRAG]) && (fabs(s + known) < HUGE_VAL);
-    ahead = memory[SURFACE] + step * (known + memory[DISTURBANCE]); /* the observer of (s, d) */
-    d = memory[DISTURBANCE] + forgotten * forgotten / step * (s - ahead);
-    memory[DISTURBANCE] = is_acting ? ampi_clipped(d, -most, most) : 0.0;
+    memory[DISTURBANCE] = is_acting ? clipped(d, -bound, bound) : 0.0;
     memory[SURFACE] = is_acting ? (ahead + forgotten * (2.0 - forgotten) * (s - ahead)) : 0.0;
-
-    reaching = gain[REACHING] * s + gain[SWITCHING] * s / (fabs(s) + gain[BOUNDARY]);
-    cosine = memory[DISTURBANCE] + drag * (gain[LAMBDA] * rate + reaching);
-    cosine = (vertical + cosine / authority) / felt.lift; /* Eq. (4) */
-    spare = is_acting ? ampi_max(1.0 - cosine, 0.0) : 0.0;
+    asked = gain[REACHING] * s + gain[SWITCHING] * s / (fabs(s) + gain[BOUNDARY]);
+    asked = memory[DISTURBANCE] + drag * (gain[LAMBDA] * rate + asked);
+    cosine = (vertical + asked / authority) / felt.lift; /* Eq. (4) */
+    spare = is_acting ? most(1.0 - cosine, 0.0) : 0.0;
     wanted = (is_acting && (slope >= LEAST_SLOPE)) ? (-error / steep) : 0.0; /* Eq. (5) */
-    wanted = ampi_clipped(ampi_max(wanted, -spare / steep), -gain[MOST_ANGLE], gain[MOST_ANGLE]);
-    memory[ANGLE] = ampi_clipped(wanted, memory[ANGLE] - gain[ANGLE_RATE] * step,
-                                 memory[ANGLE] + gain[ANGLE_RATE] * step);
-    *angle = memory[ANGLE];
-    size = size_of(gain, at, felt, cosine);
-    return steered(gain, at, state, size, &memory[TURNING]);
+    wanted = clipped(most(wanted, -spare / steep), -gain[MOST_ANGLE], gain[MOST_ANGLE]);
+    *angle = clipped(wanted, memory[ANGLE] - gain[ANGLE_RATE] * step, memory[ANGLE] + gain[ANGLE_RATE] * step);
+    memory[ANGLE] = *angle;
+    return steered(gain, at, state, felt, cosine, &memory[TURNING]);
 }
 
 double ampi_law_command(ampi_guidance *guidance, const ampi_table *table, const double *state,
                         const double *sensed, double *angle)
 {
-    double asked;
     *angle = 0.0;
-    if (table->law == (size_t)AMPI_LINEAR_QUADRATIC) {
-        asked = linear_quadratic(guidance->row, state);
-    } else if (table->law == (size_t)AMPI_DRAG_SHUTTLE) {
-        asked = drag_shuttle(guidance, table->gain, state, sensed);
-    } else {
-        asked = drag_sliding_mode(guidance, table->gain, state, sensed, angle);
+    if (table->n.law == AMPI_LINEAR_QUADRATIC) {
+        return linear_quadratic(guidance->row, state);
     }
-    return asked;
+    if (table->n.law == AMPI_DRAG_SHUTTLE) {
+        return drag_shuttle(guidance, table->set.gain, state, sensed);
+    }
+    return drag_sliding_mode(guidance, table->set.gain, state, sensed, angle);
 }
