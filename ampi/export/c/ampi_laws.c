@@ -1,14 +1,15 @@
-/* The tracking laws, as ampi/tracking/{linear_quadratic,drag_reference,drag_sliding_mode,drag_shuttle}.py
-   derive them; equation numbers are theirs. */
+/* The tracking laws, as those of ampi/tracking derive them; equation numbers are theirs. */
 #include "ampi_parts.h"
 
 #define BEFORE_AIR (-1e9) /* J/kg: below -E of whatever enters; times are counted from it */
 #define DISTINCT 1e-3     /* s or J/kg between points of a reference, lest two are the same */
+#define ALIKE 2.0         /* slopes of neighbouring intervals, at the most */
 #define LEAST_SLOPE 0.1   /* 1/rad: an angle of attack that changes the drag less is left alone */
 
 enum { /* gains, as ampi/export/blob.py writes them: of both drag laws, then of the one */
     MU = 0, RADIUS, FELT_DRAG, DEADBAND, LEAST_RANGE, TURN_RATE, BRAKING, DRAG_GAIN, DESCENT_GAIN,
-    LAMBDA = DRAG_GAIN, REACHING, SWITCHING, BOUNDARY, BANDWIDTH, MOST_DISTURBANCE, MOST_ANGLE, ANGLE_RATE
+    LAMBDA = DRAG_GAIN, REACHING, SWITCHING, BOUNDARY, BANDWIDTH, MOST_DISTURBANCE, MOST_ANGLE,
+    ANGLE_RATE
 };
 enum { TURNING = 0, SURFACE, DISTURBANCE, ANGLE }; /* memory of the drag laws */
 
@@ -73,32 +74,58 @@ void ampi_along(const ampi_table *table, const ampi_reference *reference, double
     }
 }
 
+/* By how much the slope dt/dE bends at a point of an interval of slope `slope`, seen from the interval
+   beside it; NaN if there is none, or one that is not alike. */
+static double bend(const ampi_table *table, const ampi_guidance *guidance, size_t point, size_t beside,
+                   double way, double slope)
+{
+    const double final_time = guidance->reference.final_time;
+    const double other = fabs(guidance->along[beside] - guidance->along[point]);
+    const double passed = fabs(time_of(table, final_time, beside) - time_of(table, final_time, point));
+    const double its = passed / ((other > 0.0) ? other : 1.0);
+    const bool is_alike = (other > 0.0) && (its <= (ALIKE * slope)) && (slope <= (ALIKE * its));
+    return is_alike ? (way * (its - slope) / (way + other)) : (double)NAN;
+}
+
+/* Time at which `along` reaches a value: a cubic between the points, held at both ends. */
+static double instant_of(const ampi_table *table, const ampi_guidance *guidance, double value)
+{
+    const double *along = guidance->along, final_time = guidance->reference.final_time;
+    const size_t last = table->n.points - 1u;
+    double way, w, begin, slope, left, right, bent;
+    size_t i = 0u, step;
+
+    for (step = AMPI_MAX_POINTS; step > 0u; step /= 2u) { /* the last point but one that is reached */
+        const size_t next = ((i + step) < last) ? (i + step) : i;
+        i = (along[next] <= value) ? next : i;
+    }
+    way = along[i + 1u] - along[i];
+    w = clipped((value - along[i]) / way, 0.0, 1.0);
+    begin = time_of(table, final_time, i);
+    slope = (time_of(table, final_time, i + 1u) - begin) / way;
+    left = bend(table, guidance, i, (i > 0u) ? (i - 1u) : 0u, way, slope);
+    right = bend(table, guidance, i + 1u, ((i + 2u) < last) ? (i + 2u) : last, way, slope);
+    left = (left != left) ? -right : left;
+    right = (right != right) ? -left : right;
+    bent = (left != left) ? 0.0 : ((1.0 - w) * left - w * right);
+    return begin + way * w * (slope + (1.0 - w) * bent);
+}
+
 double ampi_instant(const ampi_guidance *guidance, const ampi_table *table, const double *state,
                     const double *sensed, bool *is_ended, bool *is_lost)
 {
-    const double *along = guidance->along, *gain = table->set.gain;
-    const double final_time = guidance->reference.final_time;
-    const size_t last = table->n.points - 1u;
+    const double *gain = table->set.gain;
     const bool is_by_time = (table->n.law == AMPI_LINEAR_QUADRATIC);
-    const double end = is_by_time ? final_time : along[last];
+    const double last = guidance->along[table->n.points - 1u];
+    const double end = is_by_time ? guidance->reference.final_time : last;
     const bool is_felt = !is_by_time && !(-sensed[0] <= gain[FELT_DRAG]); /* not known: felt */
-    double value = guidance->now + (is_by_time ? 0.0 : BEFORE_AIR), share, before;
-    size_t i = 0u, step;
+    double value = guidance->now + (is_by_time ? 0.0 : BEFORE_AIR);
 
     value = is_felt ? energy_lost(gain, state[ALTITUDE], state[SPEED]) : value;
     *is_ended = (value >= end);
     *is_lost = (value != value);
     value = *is_lost ? end : value;
-    if (is_by_time) {
-        return value;
-    }
-    for (step = AMPI_MAX_POINTS; step > 0u; step /= 2u) { /* the last point but one that is reached */
-        const size_t next = ((i + step) < last) ? (i + step) : i;
-        i = (along[next] <= value) ? next : i;
-    }
-    share = clipped((value - along[i]) / (along[i + 1u] - along[i]), 0.0, 1.0);
-    before = time_of(table, final_time, i);
-    return before + share * (time_of(table, final_time, i + 1u) - before);
+    return is_by_time ? value : instant_of(table, guidance, value);
 }
 
 static accelerations sensed_of(const double *at, const double *sensed)
@@ -118,7 +145,8 @@ static double side_of(const double *gain, const double *at, const double *state,
     const double east = wrapped(state[LONGITUDE] - at[LONGITUDE]) * cos(at[LATITUDE]);
     const double north = state[LATITUDE] - at[LATITUDE];
     const double right = gain[RADIUS] * (east * cos(at[AZIMUTH]) - north * sin(at[AZIMUTH]));
-    const double error = wrapped(state[AZIMUTH] - at[AZIMUTH]) + right / most(at[RANGE_TO_GO], gain[LEAST_RANGE]);
+    const double turned = wrapped(state[AZIMUTH] - at[AZIMUTH]);
+    const double error = turned + right / most(at[RANGE_TO_GO], gain[LEAST_RANGE]);
     const bool goes_on = ((*turning * error) < 0.0) && (fabs(error) > (0.5 * gain[DEADBAND]));
 
     *turning = goes_on ? *turning : 0.0;
@@ -169,13 +197,14 @@ static double drag_sliding_mode(ampi_guidance *guidance, const double *gain, con
     const double bound = gain[MOST_DISTURBANCE] * felt.lift * authority;
     const double forgotten = -expm1(-gain[BANDWIDTH] * step), steep = most(slope, LEAST_SLOPE);
     double *memory = guidance->memory;
-    const double off = log(felt.drag / drag) - slope * memory[ANGLE], error = felt.is_known ? off : 0.0;
+    const double off = log(felt.drag / drag) - slope * memory[ANGLE];
+    const double error = felt.is_known ? off : 0.0;
     const double s = rate + gain[LAMBDA] * drag * error;
     const double known = gain[LAMBDA] * drag * rate - authority * above;
     const bool is_acting = (felt.drag > gain[FELT_DRAG]) && (fabs(s + known) < HUGE_VAL);
     const double ahead = memory[SURFACE] + step * (known + memory[DISTURBANCE]); /* the observer */
     const double d = memory[DISTURBANCE] + forgotten * forgotten / step * (s - ahead);
-    double asked, cosine, spare, wanted;
+    double asked, cosine, spare, wanted, change;
 
     memory[DISTURBANCE] = is_acting ? clipped(d, -bound, bound) : 0.0;
     memory[SURFACE] = is_acting ? (ahead + forgotten * (2.0 - forgotten) * (s - ahead)) : 0.0;
@@ -185,8 +214,9 @@ static double drag_sliding_mode(ampi_guidance *guidance, const double *gain, con
     spare = is_acting ? most(1.0 - cosine, 0.0) : 0.0;
     wanted = (is_acting && (slope >= LEAST_SLOPE)) ? (-error / steep) : 0.0; /* Eq. (5) */
     wanted = clipped(most(wanted, -spare / steep), -gain[MOST_ANGLE], gain[MOST_ANGLE]);
-    *angle = clipped(wanted, memory[ANGLE] - gain[ANGLE_RATE] * step, memory[ANGLE] + gain[ANGLE_RATE] * step);
-    memory[ANGLE] = *angle;
+    change = gain[ANGLE_RATE] * step;
+    memory[ANGLE] = clipped(wanted, memory[ANGLE] - change, memory[ANGLE] + change);
+    *angle = memory[ANGLE];
     return steered(gain, at, state, felt, cosine, &memory[TURNING]);
 }
 

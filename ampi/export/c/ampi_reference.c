@@ -42,13 +42,14 @@ static factor base_of(const ampi_table *table, size_t axis, double inside, size_
 {
     const size_t n = table->axis[axis].points, order = table->axis[axis].order;
     const size_t place = table->points_of[axis];
-    factor base = {0u, smaller((order == AMPI_SECOND_DIFFERENCES) ? 2u : order, n), {1.0, 0.0, 0.0, 0.0}};
+    factor base = {0u, 0u, {1.0, 0.0, 0.0, 0.0}};
     size_t i, j, cell = 0u;
 
     for (j = 1u; (j + 1u) < n; j++) {
         cell += (number(table, place, j) <= inside) ? 1u : 0u;
     }
     *below = cell;
+    base.width = smaller((order == AMPI_SECOND_DIFFERENCES) ? 2u : order, n);
     base.first = first_of(cell, base.width, n);
     if ((base.width == 1u) && (n > 1u)) {
         const double up = number(table, place, cell + 1u) - inside;
@@ -163,8 +164,8 @@ static void interpolate(const ampi_table *table, const double *inside, ampi_refe
         }
     }
     for (i = 0u; (table->n.kind == AMPI_INT16) && (i < table->columns); i++) {
-        const double scale = number(table, table->map, table->columns + i); /* last: weights sum to one */
-        reference->rows[i] = (ampi_real)(number(table, table->map, i) + scale * (double)reference->rows[i]);
+        const double steps = (double)reference->rows[i] * number(table, table->map, table->columns + i);
+        reference->rows[i] = (ampi_real)(number(table, table->map, i) + steps); /* weights sum to one */
     }
     reference->final_time = (double)reference->rows[table->columns - 1u];
 }
@@ -267,7 +268,8 @@ void ampi_row_at(const ampi_table *table, const ampi_reference *reference, doubl
 {
     const size_t k = table->n.widest; /* slots beyond a segment's nodes: factor 1, weight 0 */
     const double end = reference->final_time, t = clipped(time, start_of(table, 0u, end), end);
-    double factors[AMPI_MAX_DEGREE_NODES], basis[AMPI_MAX_DEGREE_NODES], half, tau, left = 1.0, right = 1.0;
+    double factors[AMPI_MAX_DEGREE_NODES], basis[AMPI_MAX_DEGREE_NODES];
+    double half, tau, left = 1.0, right = 1.0;
     size_t i, r, s = 0u, last;
 
     for (i = 1u; i < table->n.segments; i++) {

@@ -123,7 +123,7 @@ static double bank_angle(const ampi_guidance *guidance, const ampi_table *table,
     return bank - AMPI_TURN * rint((bank - clipped(reference, -near, near)) / AMPI_TURN);
 }
 
-/* Greatest rate that stops within `room`, braking by a c in each cycle c; a rate back if there is none. */
+/* Greatest rate that stops within `room`, braking by a c in each cycle c; a rate back if none does. */
 static double stopping_rate(double room, double a, double cycle)
 {
     const double cycles = most(room, 0.0) / (a * (cycle * cycle));

@@ -91,7 +91,8 @@ static bool are_counts_good(ampi_table *table, reader *from)
     }
     for (i = 0u; i < table->n.segments; i++) {
         copy(from, table, &table->segment[i], sizeof table->segment[i]);
-        is_good = is_good && (table->segment[i].nodes > 1u) && (table->segment[i].nodes <= table->n.widest);
+        is_good = is_good && (table->segment[i].nodes > 1u)
+                  && (table->segment[i].nodes <= table->n.widest);
         table->first_node[i] = node;
         node += is_good ? (table->segment[i].nodes - 1u) : 0u;
         points += table->segment[i].points;
@@ -111,11 +112,15 @@ static bool are_places_good(ampi_table *table, reader *from)
     }
     for (i = 0u; i < table->n.segments; i++) {
         table->basis[i] = taken(from, 2u * widest, sizeof(double));
-        table->matrix[i] = taken(from, table->segment[i].points, table->segment[i].nodes * sizeof(double));
+        table->matrix[i] = taken(from, table->segment[i].points,
+                                 table->segment[i].nodes * sizeof(double));
     }
     table->columns = (size_t)table->n.rows * table->n.nodes + 1u;
     table->times = taken(from, 2u * (size_t)table->n.points, sizeof(double));
-    table->map = taken(from, (table->n.kind == AMPI_INT16) ? (2u * table->columns) : 0u, sizeof(double));
+    table->map = from->place;
+    if (table->n.kind == AMPI_INT16) {
+        table->map = taken(from, 2u * table->columns, sizeof(double));
+    }
     for (i = table->n.axes; (i > 0u) && !from->is_short; i--) {
         table->stride[i - 1u] = vertices;
         from->is_short = table->axis[i - 1u].points > (from->end / vertices);
@@ -177,7 +182,8 @@ ampi_status ampi_table_open(ampi_table *table, const unsigned char *blob, size_t
         status = AMPI_TOO_LARGE;
     }
     if ((status == AMPI_OK)
-        && !(are_counts_good(table, &from) && are_places_good(table, &from) && are_numbers_good(table))) {
+        && !(are_counts_good(table, &from) && are_places_good(table, &from)
+             && are_numbers_good(table))) {
         status = AMPI_INCONSISTENT;
     }
     table->is_open = (status == AMPI_OK) ? AMPI_OPEN : 0u;
