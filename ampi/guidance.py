@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ampi.export.blob import Kind, table_blob
 from ampi.guidance_cycle import GuidanceCycle
 from ampi.onboard.certificate import Certificate, Certifier
 from ampi.onboard.clock import NOMINAL_CYCLE, SHORTEST
@@ -108,6 +109,20 @@ class Guidance:
     def on_engine(self, engine: str) -> Guidance:
         """The same computed by another engine: "native", "numpy", or "auto", native where it is."""
         return Guidance(**self._settings(engine=engine))
+
+    def blob(self, kind: Kind = "float64", about: str = "") -> bytes:
+        """All that flies, as the flight code in C opens it (`ampi.export.blob.table_blob`)."""
+        return table_blob(
+            self.table,
+            self.law,
+            self.limits,
+            mode=self.mode,
+            orders=self.orders,
+            limit_axes=self.limit_axes,
+            cycle=self._stated_cycle,
+            kind=kind,
+            about=about,
+        )
 
     def _settings(self, **changes: Any) -> dict[str, Any]:
         return {
