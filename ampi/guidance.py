@@ -32,6 +32,7 @@ Array = NDArray[np.float64]
 
 N_NAVIGATED = N_STATES + 1  # the states and the bank rate
 N_SENSED = 3
+ENGINES = ("auto", "native", "numpy")
 FASTEST = 2.0  # times the rate limit; a vehicle that is said to roll faster is told in another unit
 
 
@@ -68,12 +69,14 @@ class Guidance:
         cycle: float | None = None,
         limit_axes: Mapping[str, int] | None = None,
         mission_sha256: str | None = None,
+        engine: str = "auto",
     ) -> None:
         self.table, self.limits, self.mode = table, limits, Mode(mode)
         self.law: TrackingLaw = LinearQuadratic() if law is None else law
         self.limit_axes = dict(limit_axes or {})
         _check(table, limits, cycle, self.limit_axes, self.law)
         self.mission_sha256 = mission_sha256  # of the database's mission; None if made by hand
+        self.engine = _engine(engine, self.law)
         self._generator = ReferenceGenerator(table, self.mode)
         self._clock = CycleClock(cycle)
         self._allocate(1)
@@ -110,6 +113,10 @@ class Guidance:
         """The same guidance for a loop of another nominal cycle (s)."""
         return Guidance(**self._settings(cycle=cycle))
 
+    def on_engine(self, engine: str) -> Guidance:
+        """The same computed by another engine: "native", "numpy", or "auto", native where it is."""
+        return Guidance(**self._settings(engine=engine))
+
     def _settings(self, **changes: Any) -> dict[str, Any]:
         return {
             "table": self.table,
@@ -119,6 +126,7 @@ class Guidance:
             "cycle": self._clock.stated,
             "limit_axes": self.limit_axes,
             "mission_sha256": self.mission_sha256,
+            "engine": self.engine,
             **changes,
         }
 
@@ -181,13 +189,12 @@ class Guidance:
         self._follow(np.array([own.parameters for own in given]))
 
     def _follow(self, parameters: Array) -> None:
-        flown = self._flown
-        self._along = self.law.along(flown.times, flown.rows)
+        self._flown.look_up_by(self.law.along)
         self._own_limits = self.limits_at(parameters)
 
     def _allocate(self, n: int) -> None:
-        self._flown = FlownReferences(n, self.table.conversion.shape[1], self.table.layout)
-        self._along, self._tracked = self._flown.times, np.full((N_STATES, n), np.nan)
+        self._flown = FlownReferences(n, self.table)
+        self._tracked = np.full((N_STATES, n), np.nan)
         self._unfelt = np.full((N_SENSED, n), np.nan)
         self._as_tracked = np.full(n, int(Steering.TRACKED))
         self._own_limits = self.limits
@@ -219,7 +226,7 @@ class Guidance:
     def _steered(self, told: Told, rate: Array, *, in_time: bool, is_one: bool) -> Command:
         """The command, once time and shapes are known."""
         at, ended, lost = self._look_up(told)
-        layout, limits = self._flown.layout, self._own_limits
+        layout, limits = self.table.layout, self._own_limits
         own, state = at[layout.bank_rate], told.state
         self._tracked = at[layout.states]
         plausible = self.table.envelope.holds(state)
@@ -256,13 +263,13 @@ class Guidance:
 
     def _look_up(self, told: Told) -> tuple[Array, NDArray[np.bool_], NDArray[np.bool_]]:
         """Rows of the references (r, n) at this instant; which have ended; of which it is unknown."""
-        end = self._along[:, -1]
+        end = self._flown.end
         value = self.law.now(self._clock.now, told)
         value = value + np.zeros(len(end))
         ended, lost = value >= end, np.isnan(value)
         if lost.any():
             value = np.where(lost, end, value)
-        return self._flown.at(self._along, value), ended, lost
+        return self._flown.at(value), ended, lost
 
     def _bank_angle(self, told: Array, reference: Array) -> Array:
         """The bank angles (n,) on their turn; one that is lost is that of the last command."""
@@ -321,6 +328,12 @@ def _check(
             f"({', '.join(row.name for row in law.layout.rows)}), got "
             f"{', '.join(row.name for row in table.layout.rows)}; load the database for this law"
         )
+
+
+def _engine(asked: str, law: TrackingLaw) -> str:
+    if asked not in ENGINES:
+        raise ValueError(f"engine: expected one of {', '.join(ENGINES)}, got {asked!r}")
+    return "numpy"
 
 
 def _restored(settings: dict[str, Any]) -> Guidance:

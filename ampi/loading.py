@@ -14,7 +14,9 @@ from ampi.guidance import Guidance
 from ampi.missions.mission import Mission
 from ampi.onboard.reference import Mode
 from ampi.onboard.row_layout import RowKind, RowLayout
+from ampi.onboard.segments import Segments
 from ampi.onboard.table import GuidanceTable, nearest_solved
+from ampi.pseudospectral.mesh import Mesh
 from ampi.tracker_design.drag_rows import drag_rows
 from ampi.tracking.bank_limiter import BankLimits
 from ampi.tracking.drag_shuttle import DragShuttle
@@ -110,6 +112,7 @@ def guidance_table(
         axes=dataset.axes,
         values=rows,
         final_time=final_time,
+        segments=segments_of(dataset.mission.pseudospectral_mesh),
         conversion=dataset.conversion,
         high_density_time=(dataset.high_density_time[0], dataset.high_density_time[1]),
         centre=tuple(
@@ -118,6 +121,15 @@ def guidance_table(
         solved=solved if len(missing) else None,
         circular=tuple(i for i, p in enumerate(dataset.mission.parameters) if p.number.is_circular),
         layout=layout,
+    )
+
+
+def segments_of(mesh: Mesh) -> Segments:
+    """The polynomials of a mesh as what flies reads them."""
+    return Segments.of(
+        [segment.rule.nodes for segment in mesh.segments],
+        [segment.start for segment in mesh.segments],
+        [segment.half_length for segment in mesh.segments],
     )
 
 

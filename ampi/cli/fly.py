@@ -15,6 +15,7 @@ from ampi.cli.console import print_json
 from ampi.cli.endings import refusals
 from ampi.cli.options import (
     DatabaseArgument,
+    EngineOption,
     Force,
     HolesOption,
     Jobs,
@@ -61,6 +62,7 @@ def fly(
         Path | None, typer.Option("--csv", help="Write a row for each flight as CSV.")
     ] = None,
     cycle: Annotated[float, typer.Option(help="Guidance cycle (s).")] = 0.1,
+    engine: EngineOption = "auto",
     stop_percent: Stop = None,
     stop_radius_km: Annotated[float, typer.Option(help="For --stop-percent.")] = 5.0,
     case: Annotated[
@@ -80,7 +82,7 @@ def fly(
     A scheme is a world, a tracking law and a reference; several of each may be given, by commas. With
     --case one flight of the campaign is flown again, bit for bit, and told cycle by cycle.
     """
-    options: CampaignOptions = {"seed": seed, "pool": pool, "cycle": cycle}
+    options: CampaignOptions = {"seed": seed, "pool": pool, "cycle": cycle, "engine": engine}
     stop = None if stop_percent is None else (stop_radius_km * KILO, stop_percent / PERCENT)
     with refusals():
         dataset = _read(path)

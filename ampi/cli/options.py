@@ -52,6 +52,10 @@ LawOption = Annotated[
     typer.Option(help="Comma-separated: linear_quadratic, drag_sliding_mode, drag_shuttle."),
 ]
 ModesOption = Annotated[str, typer.Option(help="Comma-separated: nominal, mpi, ampi, quadratic.")]
+EngineOption = Annotated[
+    str,
+    typer.Option(help="What computes: native (compiled), numpy, or auto: native if it is built."),
+]
 SeedOption = Annotated[int, typer.Option(min=0, help="Seed of the campaign.")]
 PoolOption = Annotated[str, typer.Option(help="Of draws: reported, or tuning.")]
 

@@ -48,6 +48,7 @@ class Reference:
 
     times: Array  # (m,), s since the entry interface
     rows: Array  # (r, m), the table's; SI, rad
+    nodal: Array  # (r, n), the same at the low-density nodes
     layout: RowLayout  # of the rows
     final_time: float  # s
     cell: tuple[int, ...]  # first grid index on each axis
@@ -75,7 +76,9 @@ class Reference:
 
     def copy(self) -> Reference:
         """A reference of its own memory."""
-        return replace(self, times=self.times.copy(), rows=self.rows.copy())
+        return replace(
+            self, times=self.times.copy(), rows=self.rows.copy(), nodal=self.nodal.copy()
+        )
 
 
 class ReferenceGenerator:
@@ -137,6 +140,7 @@ class ReferenceGenerator:
         return Reference(
             times=self._times,
             rows=self._high,
+            nodal=self._low,
             layout=table.layout,
             final_time=final_time,
             cell=tuple(first),

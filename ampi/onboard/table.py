@@ -1,8 +1,8 @@
 """The guidance table: what is loaded before flight and never changed.
 
 For each grid point of the parameter space the nodal values of states, control and tracking gains (the
-rows of `row_layout`), and the final time; besides, the LD→HD matrix of the mesh. Checked whole when it
-is built, on the ground: in flight nothing is left to refuse.
+rows of `row_layout`), and the final time; besides, the segments of the mesh and its LD→HD matrix.
+Checked whole when it is built, on the ground: in flight nothing is left to refuse.
 
 A hole is a grid point without an optimum of its own. A table that is to fly with holes holds there the
 rows of the nearest grid point that has one, and says so in `solved`: in the cells of a hole the
@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from ampi.onboard.plausibility import StateEnvelope
 from ampi.onboard.row_layout import LINEAR_TRACKING, RowLayout
+from ampi.onboard.segments import Segments
 
 Array = NDArray[np.float64]
 
@@ -30,6 +31,7 @@ class GuidanceTable:
     axes: tuple[Array, ...]  # d strictly increasing axes of p
     values: Array  # (n_1 … n_d, r, n)
     final_time: Array  # (n_1 … n_d), s
+    segments: Segments  # of the mesh, with n nodes in all
     conversion: Array  # (n, m), P_FRP of Eq. (32)
     high_density_time: tuple[Array, Array]  # (a, b) of t = a + b t_f, each (m,)
     centre: tuple[int, ...]  # grid index of the nominal parameters
@@ -49,6 +51,10 @@ class GuidanceTable:
                 ((m,), (m,)),
             ),
         }
+        if self.segments.n_nodes != n:
+            raise ValueError(
+                f"guidance table: segments have {self.segments.n_nodes} nodes, expected {n}"
+            )
         if self.solved is not None:
             expected["solved"] = (self.solved.shape, shape)
         for name, (got, wanted) in expected.items():

@@ -74,6 +74,7 @@ def provenance(campaigns: Mapping[str, Flights]) -> dict[str, str]:
         "Draws": each(f.pool for f in flights),
         "Seed": each(f.seed for f in flights),
         "Guidance cycle": f"{each(f'{f.cycle:.6g}' for f in flights)} s",
+        "Engine": each(f.engine for f in flights),
         "Tracking laws": each(words(f.law) for f in flights),
         "Worlds (SHA-256)": each(digests),
     }

@@ -40,7 +40,7 @@ def verdict_text(mission: Mission, campaigns: Mapping[str, Flights]) -> str:
 def _flown(campaigns: Mapping[str, Flights]) -> str:
     """How many flights, of which draws."""
     kinds = {
-        f"{f.n} flights, {f.pool} draws of seed {f.seed}, guidance at {1.0 / f.cycle:.4g} Hz"
+        f"{f.n} flights, {f.pool} draws of seed {f.seed}, {1.0 / f.cycle:.4g} Hz, {f.engine}"
         for f in campaigns.values()
     }
     return f"{'; '.join(sorted(kinds))}; {len(campaigns)} campaigns"

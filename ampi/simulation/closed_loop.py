@@ -88,11 +88,11 @@ class Entries:
         parameters = _told(family, truth.parameters, told - entry)
         guidance.begin(parameters)
         plant = plant_of(family, guidance, truth)
-        first = guidance.flown.rows[:, 0]
+        first, layout = guidance.flown.first, guidance.table.layout
         finite = np.all(np.isfinite(truth.parameters), axis=1)
-        flights = InFlight.at_entry(plant, first[:, BANK].copy(), finite)
-        bank_rate = first[:, guidance.flown.layout.bank_rate]
-        return cls(sensors, parameters, plant, flights, np.stack([bank_rate, 0.0 * bank_rate]))
+        flights = InFlight.at_entry(plant, first[BANK].copy(), finite)
+        steering = np.stack([first[layout.bank_rate], np.zeros(len(family))])
+        return cls(sensors, parameters, plant, flights, steering)
 
 
 @dataclass(frozen=True)

@@ -43,6 +43,7 @@ class Flights:
     seed: int
     pool: str  # of draws: reported or tuning
     cycle: float  # s, of guidance
+    engine: str  # that computed them: native or numpy
     numbers: Array  # (n, u): every uncertainty of the catalogue as it is true, SI
     density: Array  # (n, a): factor on the mission's density over altitude; 1 if the world has none
     wind: Array  # (n, 2, a), m/s: east and north; 0 if the world has none

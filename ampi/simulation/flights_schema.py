@@ -22,7 +22,7 @@ from ampi.physics.state import CONTROL_UNITS, STATE_UNITS, STATES
 from ampi.simulation.profiles import ALTITUDES
 from ampi.simulation.uncertainties import BY_NAME
 
-SCHEMA_VERSION = 1
+SCHEMA_VERSION = 2
 SEAL = Seal("ampi flights")
 FLIGHT, TIME = "flight", "time"
 
@@ -106,6 +106,7 @@ ATTRIBUTES: dict[str, Callable[[Any], Any]] = {  # numbers and words of a campai
     "seed": int,
     "pool": str,
     "cycle": float,  # s
+    "engine": str,
     "position_tolerance": float,  # m
     "altitude_tolerance": float,  # m
     "speed_tolerance": float,  # m/s

@@ -40,6 +40,7 @@ def attributes_of(
         "seed": int(seed),
         "pool": pool,
         "cycle": guidance.cycle,
+        "engine": guidance.engine,
         "position_tolerance": tolerances.position,
         "altitude_tolerance": tolerances.altitude,
         "speed_tolerance": tolerances.speed,

@@ -52,6 +52,7 @@ class CampaignOptions(TypedDict, total=False):
     seed: int  # of the campaign's draws
     pool: str  # "reported", or "tuning", whose draws are others
     cycle: float  # s, of guidance
+    engine: str  # "native", "numpy", or "auto": native where it is built; they agree to 1e-6 m
     record_every: float  # s between the recorded points, rounded to guidance cycles
     stop: StopRule | None  # None: all flights; else as soon as a share is known well enough
     output: str | Path | None  # HDF5 file that the flights stream to; None: they stay in memory
@@ -65,6 +66,7 @@ DEFAULTS = CampaignOptions(
     seed=2016,
     pool="reported",
     cycle=0.1,
+    engine="auto",
     record_every=5.0,
     stop=None,
     output=None,
@@ -148,13 +150,14 @@ def fly_schemes(
 def fly_again(mission: Mission, guidance: Guidance, case: int, flights: Flights) -> Flights:
     """Flight `case` of a campaign from its own record, with every guidance cycle recorded.
 
-    It is the same flight to the bit: what was true of it stands in its record, as do mode and cycle, so
-    nothing is drawn and no world is read.
+    It is the same flight to the bit: what was true of it stands in its record, as do mode, cycle and
+    engine, so nothing is drawn and no world is read.
 
     Raises
     ------
     ValueError
-        If there is no such flight, or it was flown with another table, other limits or another law.
+        If there is no such flight, it was flown with another table, other limits or another law, or by
+        an engine that is not here.
     """
     is_number = isinstance(case, int | np.integer) and not isinstance(case, bool)
     if not (is_number and 0 <= case < flights.n):
@@ -165,7 +168,7 @@ def fly_again(mission: Mission, guidance: Guidance, case: int, flights: Flights)
             f"{flights.law} on {flights.mission}, or another version of it; load the database that "
             "they were flown with"
         )
-    own = guidance.in_mode(flights.mode).at_cycle(flights.cycle)
+    own = guidance.in_mode(flights.mode).at_cycle(flights.cycle).on_engine(flights.engine)
     arrays = flown(mission, own, flights.truth_of([case]), flights.cycle)
     attributes = {name: getattr(flights, name) for name in ATTRIBUTES}
     return flights_of(attributes, fixed_arrays(mission), [arrays])
@@ -226,7 +229,7 @@ class _Plan:
         found |= {"stop": str(self.options["stop"])}
         for name in self.schemes:
             own = self._attributes(name)
-            of = ("mode", "cycle", "guidance_sha256", "world_sha256")
+            of = ("mode", "cycle", "engine", "guidance_sha256", "world_sha256")
             found[f"scheme {name}"] = " ".join(str(own[key]) for key in of)
         return found
 
@@ -324,7 +327,8 @@ def _ready(mission: Mission, scheme: Scheme, options: CampaignOptions) -> Scheme
         )
     world = scheme.loaded_world.checked(mission)
     world.uniforms(mission, 1, options["seed"], options["pool"])  # refuses seeds and pools
-    return Scheme(scheme.guidance.at_cycle(options["cycle"]), world)
+    guidance = scheme.guidance.at_cycle(options["cycle"]).on_engine(options["engine"])
+    return Scheme(guidance, world)
 
 
 def _require(name: str, value: object, kind: type | UnionType) -> None:

@@ -110,7 +110,7 @@ class DragReference:
     felt_drag: float = 0.5  # m/s²: above it (0.05 g) the air is felt
     lateral: LateralLogic = LateralLogic()
 
-    def along(self, times: Array, rows: Array) -> Array:
+    def along(self, times: Array, rows: Array) -> Array | None:
         """Times before the air is felt, then energies lost, (n, m); strictly increasing."""
         drag = np.exp(rows[..., LOG_DRAG])
         felt = np.maximum.accumulate(drag > self.felt_drag, axis=1)

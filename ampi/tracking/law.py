@@ -54,8 +54,11 @@ class TrackingLaw(Protocol):
         """What n flights remember from command to command, at their begin: (k, n)."""
         ...
 
-    def along(self, times: Array, rows: Array) -> Array:
-        """What the look-up goes by, (n, m), increasing along each reference (times, rows (n, m, r))."""
+    def along(self, times: Array, rows: Array) -> Array | None:
+        """What the look-up goes by, (n, m), increasing along each reference (times, rows (n, m, r)).
+
+        None: the time itself.
+        """
         ...
 
     def now(self, clock: Any, told: Told) -> Any:

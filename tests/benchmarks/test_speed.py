@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import ampi
+from ampi.loading import segments_of
 from ampi.onboard.reference import Mode, ReferenceGenerator
 from ampi.onboard.row_layout import LINEAR_TRACKING
 from ampi.onboard.table import GuidanceTable
@@ -30,6 +31,7 @@ def table() -> GuidanceTable:
         axes=axes,
         values=rng.normal(size=(*(3,) * 6, len(LINEAR_TRACKING), 64)),
         final_time=rng.uniform(600.0, 700.0, size=(3,) * 6),
+        segments=segments_of(ampi.load_mission("shefex3").pseudospectral_mesh),
         conversion=conversion,
         high_density_time=(np.zeros(601), np.linspace(0.0, 1.0, 601)),
         centre=(1,) * 6,

@@ -12,6 +12,7 @@ from ampi.guidance import Guidance
 from ampi.loading import load_guidance
 from ampi.missions.mission import Mission
 from ampi.onboard.row_layout import LINEAR_TRACKING
+from ampi.onboard.segments import Segments
 from ampi.onboard.table import GuidanceTable
 from ampi.tracking.bank_limiter import BankLimits
 from tests.support.databases import small_database
@@ -56,6 +57,7 @@ def synthetic() -> Guidance:
         axes=axes,
         values=values,
         final_time=rng.uniform(95.0, 105.0, shape),
+        segments=Segments.of([nodes], [(0.0, 0.0)], [(0.0, 0.5)]),
         conversion=conversion,
         high_density_time=(np.zeros(41), np.linspace(0.0, 1.0, 41)),
         centre=(1, 0, 1, 1, 1, 1),

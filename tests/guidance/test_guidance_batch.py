@@ -81,7 +81,7 @@ def test_a_batch_of_one_is_told_and_answered_as_a_batch(synthetic: Guidance) -> 
 
 def test_by_what_it_steers_is_told(synthetic: Guidance) -> None:
     synthetic.begin(np.full((3, 6), 0.1))
-    navigation = np.repeat(synthetic.flown.rows[0, 5, :8, None], 3, axis=1)
+    navigation = np.repeat(synthetic.flown.at(np.full(3, 12.5))[:8, :1], 3, axis=1)
     navigation[3, 1] = np.nan
     navigation[7, 2] = np.nan  # of the bank rate alone the last command knows
     command = synthetic.step(10.0, navigation)

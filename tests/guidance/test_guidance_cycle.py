@@ -16,6 +16,7 @@ from ampi.onboard.clock import NOMINAL_CYCLE
 from ampi.onboard.health import Health
 from ampi.onboard.reference import Mode, Reference
 from ampi.tracking.bank_limiter import BankLimits
+from tests.support.references import asking
 from tests.support.steps import command
 
 Array = NDArray[np.float64]
@@ -35,9 +36,7 @@ def guidance(synthetic: Guidance) -> Guidance:
 
 def eager(guidance: Guidance, ask: float = 9.0) -> Reference:
     """A reference that asks for `ask` rad/s all the time, and tracks nothing."""
-    reference = guidance.reference([0.1] * 6).copy()
-    reference.bank_rate[:], reference.gains[:] = ask, 0.0
-    return reference
+    return asking(guidance.reference([0.1] * 6), ask)
 
 
 def flown(
@@ -146,7 +145,7 @@ def test_a_silence_right_after_the_first_command_is_none_of_a_stated_cycle(
 def test_what_is_lost_at_the_first_command_is_the_references(guidance: Guidance) -> None:
     stated = guidance.at_cycle(0.5)
     reference = eager(stated, 0.02)
-    reference.states[6] = 0.3
+    reference.nodal[6] = 0.3
     for _ in range(2):  # the last command of another flight is none of this
         stated.reset()
         got = command(stated, reference, 1.0, np.full(7, np.nan), np.nan)
@@ -191,9 +190,8 @@ def test_behind_a_lag_the_acceleration_is_all_there(guidance: Guidance, lag: flo
 
 def ramp(guidance: Guidance) -> Reference:
     """A reference whose bank rate tells the time: t/10,000 rad/s."""
-    reference = eager(guidance)
-    reference.bank_rate[:] = 1e-4 * reference.times
-    return reference
+    reference = guidance.reference([0.1] * 6)
+    return asking(reference, 1e-4 * reference.final_time * np.linspace(0.0, 1.0, 5))
 
 
 def looked_up(guidance: Guidance, reference: Reference, time: float) -> tuple[float, Health]:

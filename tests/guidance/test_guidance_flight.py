@@ -58,7 +58,7 @@ def flown(
 ) -> tuple[Array, list[Array], list[Command]]:
     """Final state, states at the cycle begins, and the commands."""
     guidance.begin(entry[MEASURED])
-    bank, rate = guidance.flown.rows[0, 0, 6:8].tolist()
+    bank, rate = guidance.flown.first[6:8, 0].tolist()
     x, time = np.array([*entry, bank]), 0.0
     states, commands = [], []
     while True:
@@ -208,4 +208,4 @@ def test_before_the_first_sample_that_comes_late_the_bank_angle_is_the_first(
     p = mission.nominal_parameters[None]
     truth = nominal_truth(p, navigation_latency=0.7)
     _, told = recorded(mission.family(p), loaded, truth, monkeypatch)
-    assert told[0][1][6, 0] == told[1][1][6, 0] == loaded.flown.rows[0, 0, 6] != 0.0
+    assert told[0][1][6, 0] == told[1][1][6, 0] == loaded.flown.first[6, 0] != 0.0

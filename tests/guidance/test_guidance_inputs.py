@@ -19,6 +19,7 @@ from ampi.onboard.row_layout import LINEAR_TRACKING
 from ampi.simulation.closed_loop import fly_batch
 from ampi.simulation.plant import FlightStatus
 from ampi.tracking.bank_limiter import BankLimits, bank_on_turn
+from tests.support.references import asking, at_instant
 from tests.support.steps import command
 from tests.support.truths import nominal_truth
 
@@ -119,7 +120,7 @@ def test_what_is_no_navigation_is_bad_navigation(
     guidance.follow(reference)
     got = guidance.step(TIME, navigation)  # type: ignore[arg-type]
     assert (got.health, got.steering) == (Health.BAD_NAVIGATION, Steering.REFERENCE)
-    own = np.interp(TIME, reference.times, reference.bank_rate)
+    own = at_instant(guidance.table, reference, TIME)[7]
     assert got.bank_rate == pytest.approx(own, abs=1e-12)
 
 
@@ -156,7 +157,7 @@ def test_without_a_bank_rate_the_state_is_tracked_all_the_same(
         command(guidance, reference, TIME - 0.5, state, 0.0)
         commands.append(command(guidance, reference, TIME, state, rate).bank_rate)
     assert commands[1] == pytest.approx(commands[0], abs=1e-3)
-    own = np.interp(TIME, reference.times, reference.bank_rate)
+    own = at_instant(guidance.table, reference, TIME)[7]
     assert abs(commands[1] - own) > 1e-3
 
 
@@ -238,8 +239,7 @@ def test_a_bank_angle_told_as_320_degrees_does_not_unwind_a_turn(
 ) -> None:
     """−40° told as 320°: 5 °/s to the right would be 72 s of flight upside down."""
     guidance, reference, state = flying
-    still = reference.copy()
-    still.bank_rate[:], still.gains[:] = 0.0, 0.0
+    still = asking(reference, 0.0)
     state = state.copy()
     state[6] = 320.0 * DEGREE
     guidance.reset()
@@ -280,9 +280,8 @@ def test_an_overshoot_over_180_degrees_is_brought_back_by_the_command(
 ) -> None:
     """Told as −178.5° beside a reference at 180°: 1.5° back, not a turn less 1.5°."""
     guidance = Guidance(synthetic.table, BankLimits(np.pi, 0.1, 0.07), cycle=0.5)
-    reference = guidance.reference([0.1] * 6).copy()
-    reference.bank_rate[:], reference.gains[:] = 0.0, 0.0
-    reference.gains[6], reference.states[6] = 0.5, np.pi
+    reference = asking(guidance.reference([0.1] * 6), 0.0)
+    reference.nodal[14], reference.nodal[6] = 0.5, np.pi
     state = reference.states[:, 20].copy()
     state[6] = -178.5 * DEGREE
     got = command(guidance, reference, float(reference.times[20]), state, 0.0)

@@ -14,6 +14,7 @@ from ampi.guidance import Command, Guidance
 from ampi.onboard.health import Health
 from ampi.onboard.reference import Mode, Reference
 from ampi.tracking.bank_limiter import limited_rate
+from tests.support.references import asking, at_instant
 from tests.support.steps import command
 
 Array = NDArray[np.float64]
@@ -24,11 +25,6 @@ seeds = st.integers(0, 2**32 - 1)
 anything = st.floats(width=64)
 sevens = st.lists(anything, min_size=7, max_size=7)
 sixes = st.lists(anything, min_size=6, max_size=6)
-
-
-def interpolated(reference: Reference, rows: Array, time: float) -> Array:
-    """Rows (k, m) of a reference at a time, by numpy."""
-    return np.array([np.interp(time, reference.times, row) for row in np.atleast_2d(rows)])
 
 
 def rows(reference: Reference) -> Array:
@@ -45,14 +41,14 @@ def test_the_command_is_the_tracking_law_through_the_limiter(
 ) -> None:
     reference = synthetic.reference(entry)
     time = share * reference.final_time
-    at = interpolated(reference, reference.states, time)
+    looked_up = at_instant(synthetic.table, reference, time)
+    at = looked_up[:7]
     rng = np.random.default_rng(seed)
     error = 0.05 * rng.standard_normal(7) * np.abs(at)
     state, rate = at + error, float(rng.uniform(-0.1, 0.1))
     state[6] = np.clip(state[6], -1.0, 1.0)
     error[6] = state[6] - at[6]
-    gain = interpolated(reference, reference.gains, time)
-    wanted = interpolated(reference, reference.bank_rate, time)[0] - gain @ error
+    wanted = looked_up[7] - looked_up[8:] @ error
     expected = float(limited_rate(synthetic.limits, state[6], rate, wanted, 0.5))
     synthetic.reset()
     got = command(synthetic, reference, time, state, rate)
@@ -68,8 +64,8 @@ def test_on_the_reference_its_own_bank_rate_is_commanded(
 ) -> None:
     reference = synthetic.reference(entry)
     time = share * reference.final_time
-    state = interpolated(reference, reference.states, time)
-    own = interpolated(reference, reference.bank_rate, time)[0]
+    looked_up = at_instant(synthetic.table, reference, time)
+    state, own = looked_up[:7], looked_up[7]
     limits = synthetic.limits  # a random reference may bank beyond them, and has to come back
     expected = np.clip(limited_rate(limits, state[6], rate, own, 0.5), -limits.rate, limits.rate)
     synthetic.reset()
@@ -205,7 +201,7 @@ def test_bad_navigation_flies_the_references_own_bank_rate(
     state = np.zeros(7)
     state[row] = value
     got = command(synthetic, reference, 10.0, state, 0.0)
-    own = interpolated(reference, reference.bank_rate, 10.0)[0]
+    own = at_instant(synthetic.table, reference, 10.0)[7]
     assert got.health is Health.BAD_NAVIGATION
     assert got.bank_rate == pytest.approx(
         float(limited_rate(synthetic.limits, 0.0, 0.0, own, 0.5)), abs=1e-14
@@ -263,8 +259,7 @@ def test_the_cycle_scales_what_one_command_may_change(synthetic: Guidance) -> No
     changes = []
     for cycle in (0.1, 0.5, 1.0):
         guidance = Guidance(synthetic.table, synthetic.limits, cycle=cycle)
-        eager = guidance.reference([0.1] * 6).copy()
-        eager.bank_rate[:], eager.gains[:] = 9.0, 0.0  # asks for far more than the limits
+        eager = asking(guidance.reference([0.1] * 6), 9.0)  # far more than the limits
         changes.append(command(guidance, eager, 10.0, np.zeros(7), 0.0).bank_rate)
     assert changes == pytest.approx([0.007, 0.035, 0.07], rel=1e-12)
 

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from ampi.loading import segments_of
 from ampi.onboard.row_layout import LINEAR_TRACKING
 from ampi.onboard.table import GuidanceTable
 from ampi.pseudospectral.mesh import Mesh, Phase
@@ -33,6 +34,7 @@ def synthetic_table(
         axes=axes,
         values=rng.standard_normal((*shape, len(LINEAR_TRACKING), MESH.n_nodes)),
         final_time=rng.uniform(90.0, 110.0, shape),
+        segments=segments_of(MESH),
         conversion=np.ascontiguousarray(MESH.conversion(fixed + free * 100.0, 100.0).T),
         high_density_time=(fixed, free),
         centre=centre or tuple(n // 2 for n in shape),

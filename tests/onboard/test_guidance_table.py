@@ -92,7 +92,7 @@ def test_a_nodal_value_that_is_not_finite_is_refused(table: GuidanceTable, value
         ("values", np.s_[..., :14, :], r"values has shape \(.* 14, .*expected \(.* 15, "),
         ("values", np.s_[..., :-1], r"values has shape"),
         ("final_time", np.s_[:, :2], r"final_time has shape \(3, 2, .*expected \(3, 3, "),
-        ("conversion", np.s_[:-1], r"values has shape"),
+        ("conversion", np.s_[:-1], r"values has shape|segments have 11 nodes, expected 10"),
         ("conversion", np.s_[:, :-1], r"high_density_time has shape"),
     ],
 )

@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from scipy.interpolate import RegularGridInterpolator
 
+from ampi.loading import segments_of
 from ampi.onboard.reference import Mode, Reference, ReferenceGenerator
 from ampi.onboard.row_layout import LINEAR_TRACKING
 from ampi.onboard.table import GuidanceTable
@@ -67,6 +68,7 @@ def test_conversion_and_times_are_those_of_the_paper(share: list[float], seed: i
         axes=axes,
         values=rng.standard_normal((2,) * 6 + (len(LINEAR_TRACKING), 7)),
         final_time=rng.uniform(400.0, 600.0, (2,) * 6),
+        segments=segments_of(mesh),
         conversion=mesh.conversion(fixed + free * 500.0, 500.0).T.copy(),
         high_density_time=(fixed, free),
         centre=(0,) * 6,

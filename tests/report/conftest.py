@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from ampi.loading import segments_of
 from ampi.missions.loading import load_mission
 from ampi.missions.mission import Mission
 from ampi.missions.path_limits import PathLimits
@@ -56,6 +57,7 @@ def table(mission: Mission) -> GuidanceTable:
         axes=axes,
         values=values,
         final_time=FINAL_TIME + np.arange(np.prod(shape), dtype=float).reshape(shape),
+        segments=segments_of(mesh),
         conversion=np.ascontiguousarray(mesh.conversion(fraction * FINAL_TIME, FINAL_TIME).T),
         high_density_time=(np.zeros(41), fraction),
         centre=(1, 0, 0, 0, 0, 0),
@@ -96,6 +98,7 @@ def campaign(mission: Mission, mode: Mode) -> Flights:
         law="linear_quadratic",
         mode=mode,
         seed=11,
+        engine="numpy",
         cycle=0.5,
         parameters=mission.entry_state + 1e-3 * draws,
         clipped=np.arange(N) < (0 if mode is Mode.NOMINAL else 3),

@@ -56,6 +56,7 @@ def synthetic_flights(n: int = 200, seed: int = 0, **changes: Any) -> Flights:
         "law": "linear_quadratic",
         "mode": Mode.AMPI,
         "seed": 7,
+        "engine": "numpy",
         "cycle": 0.5,
         "parameters": np.random.default_rng(99).standard_normal((n, 6)),
         "clipped": rng.random(n) < 0.2,

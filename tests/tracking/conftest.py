@@ -9,6 +9,7 @@ import pytest
 from numpy.typing import NDArray
 
 from ampi.guidance import Guidance
+from ampi.loading import segments_of
 from ampi.missions.family import MissionFamily
 from ampi.missions.loading import load_mission
 from ampi.missions.mission import Mission
@@ -58,6 +59,7 @@ def tracked(mission: Mission, nominal: Trajectory, gains: Array) -> Guidance:
         axes=tuple(np.array([x]) for x in mission.entry_state),
         values=rows.reshape(1, 1, 1, 1, 1, 1, *rows.shape),
         final_time=np.full((1,) * 6, nominal.final_time),
+        segments=segments_of(nominal.mesh),
         conversion=np.ascontiguousarray(nominal.mesh.conversion(times, nominal.final_time).T),
         high_density_time=(fixed, free),
         centre=(0,) * 6,
