@@ -6,15 +6,16 @@
 
 PyTypeObject *ampi_guidance_type;
 
-static PyObject *guidance_new(PyTypeObject *type, PyObject *arguments, PyObject *keywords) {
+PyTypeObject *ampi_table_type;
+
+static PyObject *table_new(PyTypeObject *type, PyObject *arguments, PyObject *keywords) {
     PyObject *blob;
-    Py_ssize_t n;
     (void)keywords;
-    if (!PyArg_ParseTuple(arguments, "On", &blob, &n)) {
+    if (!PyArg_ParseTuple(arguments, "O", &blob)) {
         return NULL;
     }
     allocfunc allocate = (allocfunc)PyType_GetSlot(type, Py_tp_alloc);
-    GuidanceObject *self = (GuidanceObject *)allocate(type, 0);
+    TableObject *self = (TableObject *)allocate(type, 0);
     if (self == NULL || PyObject_GetBuffer(blob, &self->blob, PyBUF_SIMPLE) != 0) {
         Py_XDECREF((PyObject *)self);
         return NULL;
@@ -26,8 +27,48 @@ static PyObject *guidance_new(PyTypeObject *type, PyObject *arguments, PyObject 
         Py_DECREF(self);
         return NULL;
     }
-    self->n = n > 0 ? (size_t)n : 0u;
-    self->guidance = calloc(self->n + 1u, sizeof(ampi_guidance));
+    return (PyObject *)self;
+}
+
+static void table_dealloc(PyObject *object) {
+    TableObject *const self = (TableObject *)object;
+    PyTypeObject *type = Py_TYPE(object);
+    if (self->blob.obj != NULL) {
+        PyBuffer_Release(&self->blob);
+    }
+    ((freefunc)PyType_GetSlot(type, Py_tp_free))(object);
+    Py_DECREF(type);
+}
+
+static PyType_Slot table_slots[] = {
+    {Py_tp_new, (void *)table_new},
+    {Py_tp_dealloc, (void *)table_dealloc},
+    {Py_tp_doc, "Table(blob): a guidance table, checked and opened."},
+    {0, NULL},
+};
+PyType_Spec ampi_table_spec = {"ampi._native._core.Table", (int)sizeof(TableObject), 0,
+                               Py_TPFLAGS_DEFAULT, table_slots};
+
+static PyObject *guidance_new(PyTypeObject *type, PyObject *arguments, PyObject *keywords) {
+    PyObject *table;
+    Py_ssize_t n;
+    (void)keywords;
+    if (!PyArg_ParseTuple(arguments, "On", &table, &n)) {
+        return NULL;
+    }
+    if (!PyObject_TypeCheck(table, ampi_table_type) || n < 1) {
+        PyErr_SetString(PyExc_ValueError, "Guidance: expected a Table and at least one flight");
+        return NULL;
+    }
+    allocfunc allocate = (allocfunc)PyType_GetSlot(type, Py_tp_alloc);
+    GuidanceObject *self = (GuidanceObject *)allocate(type, 0);
+    if (self == NULL) {
+        return NULL;
+    }
+    self->owner = Py_NewRef(table);
+    self->table = &((TableObject *)table)->table;
+    self->n = (size_t)n;
+    self->guidance = calloc(self->n, sizeof(ampi_guidance));
     if (self->guidance == NULL) {
         PyErr_NoMemory();
         Py_DECREF(self);
@@ -40,9 +81,7 @@ static void guidance_dealloc(PyObject *object) {
     GuidanceObject *const self = (GuidanceObject *)object;
     PyTypeObject *type = Py_TYPE(object);
     free(self->guidance);
-    if (self->blob.obj != NULL) {
-        PyBuffer_Release(&self->blob);
-    }
+    Py_XDECREF(self->owner);
     ((freefunc)PyType_GetSlot(type, Py_tp_free))(object);
     Py_DECREF(type);
 }
@@ -50,13 +89,13 @@ static void guidance_dealloc(PyObject *object) {
 static PyObject *begin(PyObject *object, PyObject *parameters) {
     GuidanceObject *const self = (GuidanceObject *)object;
     Py_buffer told;
-    if (ampi_doubles(parameters, "parameters", self->n * self->table.n_axes, 0, &told) != 0) {
+    if (ampi_doubles(parameters, "parameters", self->n * self->table->n_axes, 0, &told) != 0) {
         return NULL;
     }
     Py_BEGIN_ALLOW_THREADS
     for (size_t i = 0; i < self->n; i++) {
-        ampi_guidance_begin(&self->guidance[i], &self->table,
-                            (const double *)told.buf + i * self->table.n_axes);
+        ampi_guidance_begin(&self->guidance[i], self->table,
+                            (const double *)told.buf + i * self->table->n_axes);
     }
     Py_END_ALLOW_THREADS
     PyBuffer_Release(&told);
@@ -66,15 +105,15 @@ static PyObject *begin(PyObject *object, PyObject *parameters) {
 static PyObject *follow(PyObject *object, PyObject *parameters) {
     GuidanceObject *const self = (GuidanceObject *)object;
     Py_buffer told;
-    if (ampi_doubles(parameters, "parameters", self->n * self->table.n_axes, 0, &told) != 0) {
+    if (ampi_doubles(parameters, "parameters", self->n * self->table->n_axes, 0, &told) != 0) {
         return NULL;
     }
     ampi_reference *const reference = malloc(sizeof(ampi_reference));
     if (reference != NULL) {
         for (size_t i = 0; i < self->n; i++) {
-            const double *const own = (const double *)told.buf + i * self->table.n_axes;
-            ampi_reference_at(&self->table, own, reference);
-            ampi_guidance_follow(&self->guidance[i], &self->table, reference, own);
+            const double *const own = (const double *)told.buf + i * self->table->n_axes;
+            ampi_reference_at(self->table, own, reference);
+            ampi_guidance_follow(&self->guidance[i], self->table, reference, own);
         }
     }
     free(reference);
@@ -96,14 +135,14 @@ static void step_all(GuidanceObject *self, double time, const double *navigation
         for (size_t row = 0; sensed != NULL && row < 3u; row++) {
             felt[row] = sensed[row * n + i];
         }
-        const ampi_command command = ampi_guidance_step(&self->guidance[i], &self->table, time, told,
+        const ampi_command command = ampi_guidance_step(&self->guidance[i], self->table, time, told,
                                                         sensed != NULL ? felt : NULL);
         commands[i] = command.bank_rate;
         commands[n + i] = command.bank_angle;
         commands[2u * n + i] = command.angle_of_attack;
         commands[3u * n + i] = (double)command.steering;
         commands[4u * n + i] = (double)command.health;
-        for (size_t row = 0; row < self->table.n_rows; row++) {
+        for (size_t row = 0; row < self->table->n_rows; row++) {
             rows[row * n + i] = self->guidance[i].row[row];
         }
     }
@@ -126,7 +165,7 @@ static PyObject *step(PyObject *object, PyObject *const *arguments, Py_ssize_t c
     const int feels = arguments[2] != Py_None;
     if (!feels || ampi_doubles(arguments[2], "sensed", 3u * self->n, 0, &sensed) == 0) {
         if (ampi_doubles(arguments[3], "commands", COMMAND_ROWS * self->n, 1, &commands) == 0) {
-            if (ampi_doubles(arguments[4], "rows", self->table.n_rows * self->n, 1, &rows) == 0) {
+            if (ampi_doubles(arguments[4], "rows", self->table->n_rows * self->n, 1, &rows) == 0) {
                 step_all(self, time, navigation.buf, feels ? sensed.buf : NULL, commands.buf,
                          rows.buf);
                 PyBuffer_Release(&rows);
@@ -153,7 +192,7 @@ static PyObject *flown(PyObject *object, PyObject *array) {
     for (size_t i = 0; i < self->n; i++) {
         const ampi_reference *const own = &self->guidance[i].reference;
         uint32_t clipped = 0;
-        for (size_t axis = 0; axis < self->table.n_axes; axis++) {
+        for (size_t axis = 0; axis < self->table->n_axes; axis++) {
             clipped |= own->clipped[axis];
         }
         out[i] = own->final_time;
@@ -168,7 +207,7 @@ static PyObject *flown(PyObject *object, PyObject *array) {
 /* reference(parameters (d), low (r n + 1), times (m), rows (r, m)): one, with its nodes and t_f */
 static PyObject *reference(PyObject *object, PyObject *arguments) {
     GuidanceObject *const self = (GuidanceObject *)object;
-    const ampi_table *const table = &self->table;
+    const ampi_table *const table = self->table;
     PyObject *p, *low, *times, *rows, *answer = NULL;
     Py_buffer told, nodal, when, high;
     if (!PyArg_ParseTuple(arguments, "OOOO", &p, &low, &times, &rows) ||
@@ -207,7 +246,7 @@ static PyType_Slot guidance_slots[] = {
     {Py_tp_new, (void *)guidance_new},
     {Py_tp_dealloc, (void *)guidance_dealloc},
     {Py_tp_methods, guidance_methods},
-    {Py_tp_doc, "Guidance(blob, n): the flight code of n flights on the table of a blob."},
+    {Py_tp_doc, "Guidance(table, n): the flight code of n flights."},
     {0, NULL},
 };
 PyType_Spec ampi_guidance_spec = {"ampi._native._core.Guidance", (int)sizeof(GuidanceObject), 0,

@@ -111,7 +111,7 @@ static int set_guidance(LoopObject *self, PyObject *object, Py_ssize_t first) {
         return -1;
     }
     self->guidance = Py_NewRef(object);
-    self->loop.table = &guidance->table;
+    self->loop.table = guidance->table;
     self->loop.guidance = guidance->guidance + first;
     return 0;
 }

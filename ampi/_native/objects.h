@@ -29,12 +29,18 @@ typedef struct {
     PyObject_HEAD
     Py_buffer blob;
     ampi_table table;
+} TableObject;
+
+typedef struct {
+    PyObject_HEAD
+    PyObject *owner; /* of the table */
+    const ampi_table *table;
     ampi_guidance *guidance; /* (n) */
     size_t n;
 } GuidanceObject;
 
-extern PyType_Spec ampi_program_spec, ampi_guidance_spec, ampi_loop_spec;
-extern PyTypeObject *ampi_program_type, *ampi_guidance_type;
+extern PyType_Spec ampi_program_spec, ampi_table_spec, ampi_guidance_spec, ampi_loop_spec;
+extern PyTypeObject *ampi_program_type, *ampi_table_type, *ampi_guidance_type;
 
 PyObject *ampi_evaluate(PyObject *module, PyObject *arguments);
 
