@@ -84,7 +84,7 @@ UNARY(sqrt, sqrt(x))
 UNARY(sign, x > 0.0 ? 1.0 : x < 0.0 ? -1.0 : x)
 UNARY(floor, floor(x))
 UNARY(not, x == 0.0 ? 1.0 : 0.0)
-UNARY(exp, lane_exp(x))
+UNARY(exp, exp(x))
 /* rare ones: the C library's, lane by lane */
 COMMUTATIVE(pow, lane_pow(x, y))
 BINARY_OF(atan2, atan2(x, y), vv, V, V)
@@ -129,18 +129,11 @@ OPERATION(sincos_v) {
     double angle[AMPI_LANES], unwanted[AMPI_LANES];
     double *const sine = at->result == AMPI_NOWHERE ? unwanted : PLACE(at->result);
     double *const cosine = at->second == AMPI_NOWHERE ? unwanted : PLACE(at->second);
-    uint64_t is_far = 0;
     (void)scalars;
     memcpy(angle, PLACE(at->a), sizeof angle);
-    EACH_LANE { is_far |= fabs(angle[i]) > FAR ? (uint64_t)1 : (uint64_t)0; }
-    EACH_LANE { near_sincos(angle[i], &sine[i], &cosine[i]); }
-    if (is_far != 0u) {
-        for (int i = 0; i < AMPI_LANES; i++) {
-            if (fabs(angle[i]) > FAR) {
-                sine[i] = sin(angle[i]);
-                cosine[i] = cos(angle[i]);
-            }
-        }
+    for (int i = 0; i < AMPI_LANES; i++) {
+        sine[i] = sin(angle[i]);
+        cosine[i] = cos(angle[i]);
     }
 }
 

@@ -143,7 +143,7 @@ static void advance(const ampi_plant *plant, const ampi_lanes *x, const ampi_lan
 static void lagged(const ampi_lanes *asked, const ampi_lanes *then, const double *lag, double h,
                    ampi_lanes *flown) {
     double decay[AMPI_LANES];
-    EACH_LANE { decay[i] = lane_exp(-h / (lag[i] > 0.0 ? lag[i] : 1.0)); }
+    EACH_LANE { decay[i] = exp(-h / (lag[i] > 0.0 ? lag[i] : 1.0)); }
     for (size_t row = 0; row < PLANT_STEERING; row++) {
         const double *const from = asked[row], *const to = then[row];
         double *const own = flown[row];

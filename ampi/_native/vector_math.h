@@ -85,8 +85,7 @@ static inline double lane_exp(double x) {
 }
 
 static inline double lane_pow(double x, double y) {
-    /* as numpy's x**2; the exponents of heat fluxes are 3 or near it */
-    return y == 3.0 ? x * x * x : y == 2.0 ? x * x : pow(x, y);
+    return y == 2.0 ? x * x : pow(x, y); /* as numpy's x**2 */
 }
 
 #endif

@@ -1,7 +1,7 @@
 """The physics of a plant for the compiled engine: traced, and turned into lists of instructions.
 
 One source: the equations of motion, the uses of the mission's limits and the specific force run on
-CasADi's symbols, in the true model of `true_model`. Profiles over altitude are looked up by the engine:
+symbols, in the true model of `true_model`. Profiles over altitude are looked up by the engine:
 a factor on the density and the wind are inputs. The trace depends on the structure of the model and on
 which of its numbers are the same for all flights, never on their values.
 """
@@ -13,7 +13,6 @@ from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Any
 
-import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
@@ -36,7 +35,7 @@ from ampi.tracing.instruction_list import (
     Program,
 )
 from ampi.tracing.numbers import put_together, taken_apart
-from ampi.tracing.value_graph import ValueGraph
+from ampi.tracing.value_graph import Recorder
 
 Array = NDArray[np.float64]
 
@@ -98,27 +97,21 @@ def _without_profiles(model: FlightModel) -> tuple[FlightModel, Profiles | None,
 @lru_cache(maxsize=32)
 def _program(structure: Hashable, is_shared: tuple[bool, ...], modulated: bool) -> Program:
     """Traced once per process, structure and choice of shared numbers."""
-    x, moment = ca.SX.sym("x", N_STATES), ca.SX.sym("moment", MOMENTS)
-    p = ca.SX.sym("p", len(is_shared))
-    rate, angle, time, density, east, north = ca.vertsplit(moment)
-    previous_mode = ca.GlobalOptions.getNumpyMode()
-    ca.GlobalOptions.setNumpyMode(-1)
-    try:
-        model: FlightModel
-        limits: PathLimits
-        model, limits = put_together(structure, iter(ca.vertsplit(p) if is_shared else []))
-        model = _with_profiles(model, density, (east, north))
-        if modulated:
-            error = model.angle_of_attack_offset
-            model = replace(model, angle_of_attack_offset=angle if error is None else error + angle)
-        rates = equations_of_motion(model, x, rate, time)
-        uses = limits.use(model, x, rate, time)
-        felt = aerodynamic_acceleration(model, x, time)
-    finally:
-        ca.GlobalOptions.setNumpyMode(previous_mode)
-    outputs = [ca.vertcat(*rows) for rows in (rates, uses, felt)]
+    recorder = Recorder()
+    x, moment, numbers = (recorder.inputs(k) for k in (N_STATES, MOMENTS, len(is_shared)))
+    rate, angle, time, density, east, north = moment
+    model: FlightModel
+    limits: PathLimits
+    model, limits = put_together(structure, iter(numbers))
+    model = _with_profiles(model, density, (east, north))
+    if modulated:
+        error = model.angle_of_attack_offset
+        model = replace(model, angle_of_attack_offset=angle if error is None else error + angle)
+    rates = equations_of_motion(model, x, rate, time)
+    uses = limits.use(model, x, rate, time)
+    felt = aerodynamic_acceleration(model, x, time)
     levels = [MOMENT] * (N_STATES + MOMENTS) + [SHARED if one else FLIGHT for one in is_shared]
-    graph = ValueGraph.of([x, moment, p], outputs)
+    graph = recorder.graph([rates, uses, felt])
     return Assembler(graph, levels, core().OPCODES).program(ENTRIES)
 
 

@@ -1,53 +1,49 @@
-"""A traced function as a graph of values: each operation once, in the order of its computation.
+"""Functions in numpy's ufuncs recorded as a graph of values: every operation once, none of them changed.
 
-CasADi's instructions work on a few places that are written again and again. Here every result has a
-number of its own, so that what depends on what can be asked: what is the same for all points is computed
-once, and the rest is given places anew (instruction_list).
+The physics is run on `Symbol`s, which record what numpy is asked for. CasADi's trace (dynamics) has
+derivatives, but simplifies; here each operation is the one that numpy performs on arrays, in its order,
+so that an engine that performs them again comes to the same bits.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
-import casadi as ca
+import numpy as np
 
 INPUT, CONSTANT = "input", "constant"
 
-_BINARY = {
-    ca.OP_ADD: "add",
-    ca.OP_SUB: "sub",
-    ca.OP_MUL: "mul",
-    ca.OP_DIV: "div",
-    ca.OP_POW: "pow",
-    ca.OP_CONSTPOW: "pow",
-    ca.OP_LT: "lt",
-    ca.OP_LE: "le",
-    ca.OP_EQ: "eq",
-    ca.OP_NE: "ne",
-    ca.OP_FMIN: "min",
-    ca.OP_FMAX: "max",
-    ca.OP_ATAN2: "atan2",
-    ca.OP_IF_ELSE_ZERO: "mul",  # as the numpy that was traced has it
+_NAMES: dict[Any, str] = {
+    np.add: "add",
+    np.subtract: "sub",
+    np.multiply: "mul",
+    np.divide: "div",
+    np.power: "pow",
+    np.less: "lt",
+    np.less_equal: "le",
+    np.equal: "eq",
+    np.not_equal: "ne",
+    np.minimum: "min",
+    np.maximum: "max",
+    np.arctan2: "atan2",
+    np.negative: "neg",
+    np.absolute: "abs",
+    np.sqrt: "sqrt",
+    np.sign: "sign",
+    np.floor: "floor",
+    np.exp: "exp",
+    np.log: "log",
+    np.sin: "sin",
+    np.cos: "cos",
+    np.tan: "tan",
+    np.arcsin: "asin",
+    np.arccos: "acos",
+    np.arctan: "atan",
+    np.tanh: "tanh",
 }
-_UNARY = {
-    ca.OP_NEG: "neg",
-    ca.OP_EXP: "exp",
-    ca.OP_LOG: "log",
-    ca.OP_SQRT: "sqrt",
-    ca.OP_SIN: "sin",
-    ca.OP_COS: "cos",
-    ca.OP_TAN: "tan",
-    ca.OP_ASIN: "asin",
-    ca.OP_ACOS: "acos",
-    ca.OP_ATAN: "atan",
-    ca.OP_TANH: "tanh",
-    ca.OP_FABS: "abs",
-    ca.OP_SIGN: "sign",
-    ca.OP_FLOOR: "floor",
-    ca.OP_NOT: "not",
-}
+_TURNED = {np.greater: np.less, np.greater_equal: np.less_equal}  # a > b as b < a
 
 
 class Value(NamedTuple):
@@ -65,18 +61,6 @@ class ValueGraph:
     values: tuple[Value, ...]
     outputs: tuple[tuple[int, ...], ...]
 
-    @classmethod
-    def of(cls, inputs: Sequence[ca.SX], outputs: Sequence[ca.SX]) -> ValueGraph:
-        """Of the dense columns `outputs` as functions of the columns `inputs`.
-
-        Raises
-        ------
-        NotImplementedError
-            If they hold an operation that is not among those above.
-        """
-        dense = [ca.densify(output) for output in outputs]
-        return _Reader(ca.Function("values", list(inputs), dense, {"cse": True})).graph()
-
     def levels(self, of_inputs: Sequence[int]) -> list[int]:
         """The highest level of what each value depends on; those of the inputs are given."""
         found: list[int] = []
@@ -88,48 +72,76 @@ class ValueGraph:
         return found
 
 
-class _Reader:
-    """Follows the instructions of a function."""
+class Recorder:
+    """Makes the symbols of a graph, and numbers its values."""
 
-    def __init__(self, function: ca.Function) -> None:
-        self._function = function
-        self._first = [0]
-        for k in range(function.n_in()):
-            self._first.append(self._first[-1] + function.nnz_in(k))
+    def __init__(self) -> None:
         self._numbers: dict[Value, int] = {}
+        self._inputs = 0
 
-    def _number(self, operation: str, operands: tuple[int, ...] = (), payload: float = 0.0) -> int:
+    def inputs(self, count: int) -> list[Symbol]:
+        """The next inputs."""
+        self._inputs += count
+        return [
+            self.applied(INPUT, (), float(k)) for k in range(self._inputs - count, self._inputs)
+        ]
+
+    def applied(self, operation: str, operands: tuple[int, ...], payload: float = 0.0) -> Symbol:
+        """The value of an operation, which is recorded once."""
         value = Value(operation, operands, payload)
-        return self._numbers.setdefault(value, len(self._numbers))
+        return Symbol(self, self._numbers.setdefault(value, len(self._numbers)))
 
-    def graph(self) -> ValueGraph:
-        """All of it."""
-        function, held = self._function, {}
-        outputs = [[0] * function.nnz_out(k) for k in range(function.n_out())]
-        for k in range(function.n_instructions()):
-            operation = function.instruction_id(k)
-            read, written = function.instruction_input(k), function.instruction_output(k)
-            if operation == ca.OP_OUTPUT:
-                outputs[written[0]][written[1]] = held[read[0]]
-            elif operation == ca.OP_INPUT:
-                held[written[0]] = self._number(INPUT, (), self._first[read[0]] + read[1])
-            elif operation == ca.OP_CONST:
-                constant = function.instruction_constant(k)
-                held[written[0]] = self._number(CONSTANT, (), constant)
-            else:
-                held[written[0]] = self._applied(operation, tuple(held[slot] for slot in read))
-        return ValueGraph(tuple(self._numbers), tuple(tuple(output) for output in outputs))
+    def number(self, value: Any) -> int:
+        """Of a symbol, or of a constant."""
+        if isinstance(value, Symbol):
+            return value.number
+        return self.applied(CONSTANT, (), float(value)).number
 
-    def _applied(self, operation: int, operands: tuple[int, ...]) -> int:
-        one = operands[:1]
-        if operation == ca.OP_SQ:
-            return self._number("mul", one * 2)
-        if operation == ca.OP_TWICE:
-            return self._number("add", one * 2)
-        if operation == ca.OP_INV:
-            return self._number("div", (self._number(CONSTANT, (), 1.0), *one))
-        if operation in _BINARY:
-            return self._number(_BINARY[operation], operands[:2])
-        if operation in _UNARY:
-            return self._number(_UNARY[operation], one)
-        raise NotImplementedError(f"no operation of ours for CasADi's operation {operation}")
+    def graph(self, outputs: Iterable[Iterable[Any]]) -> ValueGraph:
+        """All that was recorded; outputs are symbols or numbers."""
+        rows = tuple(tuple(self.number(value) for value in output) for output in outputs)
+        return ValueGraph(tuple(self._numbers), rows)
+
+
+class Symbol(np.lib.mixins.NDArrayOperatorsMixin):
+    """Stands for an array in a function of ufuncs and operators."""
+
+    def __init__(self, recorder: Recorder, number: int) -> None:
+        self.recorder, self.number = recorder, number
+
+    def __array_ufunc__(self, ufunc: Any, method: str, *inputs: Any, **options: Any) -> Symbol:
+        """Records it.
+
+        Raises
+        ------
+        NotImplementedError
+            Of a ufunc that is not among those above, or one that writes to another array.
+        """
+        in_place = options == {"out": inputs[:1]}  # `a *= b` gives the name to a new value
+        if method != "__call__" or not (in_place or not options):
+            raise NotImplementedError(f"no trace of {ufunc.__name__}.{method} with {options}")
+        if ufunc in _TURNED:
+            ufunc, inputs = _TURNED[ufunc], inputs[::-1]
+        if ufunc is np.power and isinstance(inputs[1], int | float):
+            return self._power(*inputs)
+        if ufunc is np.square:
+            ufunc, inputs = np.multiply, inputs * 2
+        if ufunc not in _NAMES:
+            raise NotImplementedError(f"no trace of numpy's {ufunc.__name__}")
+        operands = tuple(self.recorder.number(value) for value in inputs)
+        return self.recorder.applied(_NAMES[ufunc], operands)
+
+    def _power(self, base: Symbol, exponent: float) -> Symbol:
+        """x**k of a number k: what numpy does for some k is no power."""
+        own = self.recorder
+        if exponent == 0.0:
+            return own.applied(CONSTANT, (), 1.0)
+        if exponent == 1.0:
+            return base
+        if exponent == 2.0:
+            return own.applied("mul", (base.number, base.number))
+        if exponent == 0.5:
+            return own.applied("sqrt", (base.number,))
+        if exponent == -1.0:
+            return own.applied("div", (own.number(1.0), base.number))
+        return own.applied("pow", (base.number, own.number(exponent)))
