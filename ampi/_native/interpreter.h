@@ -132,8 +132,7 @@ OPERATION(sincos_v) {
     (void)scalars;
     memcpy(angle, PLACE(at->a), sizeof angle);
     for (int i = 0; i < AMPI_LANES; i++) {
-        sine[i] = sin(angle[i]);
-        cosine[i] = cos(angle[i]);
+        lane_sincos(angle[i], &sine[i], &cosine[i]);
     }
 }
 

@@ -92,6 +92,7 @@ void ampi_actuator_advance(ampi_loop *loop, double begin, double end);
 
 void ampi_delay_begin(ampi_delay *delay, const ampi_lanes *value);
 void ampi_delay_push(ampi_delay *delay, const ampi_lanes *value);
-double ampi_delay_value(const ampi_delay *delay, size_t row, size_t lane, double fraction);
+/* The delayed rows of a lane when `fraction` of the newest sample's period has passed. */
+void ampi_delay_values(const ampi_delay *delay, size_t lane, double fraction, double *values);
 
 #endif

@@ -1,4 +1,5 @@
 /* The plant for any processor. */
+#define _GNU_SOURCE /* sincos */
 #define ENGINE ampi_engine_baseline
 #define ENGINE_NAME "baseline"
 #include "plant_lanes.h"

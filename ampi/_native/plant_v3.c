@@ -1,11 +1,13 @@
 /* The plant for processors with AVX2: twice as fast, the same bits (no fused multiply-add). */
-#include "plant.h"
-
-#ifdef AMPI_HAS_V3
+#define _GNU_SOURCE /* sincos */
 /* before the switch: what the system's headers define is not for this instruction set */
 #include <math.h>
 #include <stdint.h>
 #include <string.h>
+
+#include "plant.h"
+
+#ifdef AMPI_HAS_V3
 
 #if defined(__clang__)
 #pragma clang attribute push(__attribute__((target("avx2"))), apply_to = function)

@@ -5,8 +5,8 @@
 #include "loop.h"
 
 static double *sample(const ampi_delay *delay, size_t age) {
-    const size_t at = (delay->newest + age) % delay->depth;
-    return delay->samples + at * delay->rows * AMPI_LANES;
+    const size_t at = delay->newest + age; /* less than two rounds */
+    return delay->samples + (at < delay->depth ? at : at - delay->depth) * delay->rows * AMPI_LANES;
 }
 
 void ampi_delay_begin(ampi_delay *delay, const ampi_lanes *value) {
@@ -20,23 +20,31 @@ void ampi_delay_push(ampi_delay *delay, const ampi_lanes *value) {
     memcpy(sample(delay, 0), value, delay->rows * sizeof(ampi_lanes));
 }
 
-double ampi_delay_value(const ampi_delay *delay, size_t row, size_t lane, double fraction) {
+void ampi_delay_values(const ampi_delay *delay, size_t lane, double fraction, double *values) {
     const double back = delay->back[lane], whole = floor(back);
     const double place = whole + (back - whole) + (1.0 - fraction);
     const size_t oldest = delay->depth - 2u;
     const size_t begin = place < (double)oldest ? (size_t)place : oldest;
     const double w = place - (double)begin;
-    const size_t at = row * AMPI_LANES + lane;
-    return sample(delay, begin)[at] * (1.0 - w) + sample(delay, begin + 1u)[at] * w;
+    const double *const newer = sample(delay, begin), *const older = sample(delay, begin + 1u);
+    for (size_t row = 0; row < delay->rows; row++) {
+        const size_t at = row * AMPI_LANES + lane;
+        values[row] = newer[at] * (1.0 - w) + older[at] * w;
+    }
 }
 
 void ampi_navigation(const ampi_loop *loop, size_t lane, const double *normal, const double *uniform,
                      double told[AMPI_N_NAVIGATED]) {
     const ampi_lanes *const fixed = loop->fixed;
-    const int is_late = fixed[AMPI_FIX_navigation_latency][lane] > 0.0;
     double error[PLANT_STATES];
+    if (fixed[AMPI_FIX_navigation_latency][lane] > 0.0) {
+        ampi_delay_values(&loop->navigation, lane, 1.0, told);
+    } else {
+        for (size_t row = 0; row < PLANT_STATES; row++) {
+            told[row] = loop->x[row][lane];
+        }
+    }
     for (size_t row = 0; row < PLANT_STATES; row++) {
-        told[row] = is_late ? ampi_delay_value(&loop->navigation, row, lane, 1.0) : loop->x[row][lane];
         error[row] = fixed[AMPI_FIX_navigation_bias + row][lane];
         if (normal != NULL) {
             error[row] += fixed[AMPI_FIX_navigation_noise + row][lane] * normal[row];
@@ -69,15 +77,19 @@ void ampi_accelerometer(const ampi_loop *loop, size_t lane, const double *normal
 /* What acts on the lag at a share of the cycle: the command, reached linearly, as it was. */
 static void ask(const ampi_loop *loop, double share, ampi_lanes asked[PLANT_STEERING]) {
     const double older = 1.0 - share; /* the sum that a delay forms */
-    const double *const delay = loop->fixed[AMPI_FIX_actuator_delay];
     for (size_t row = 0; row < PLANT_STEERING; row++) {
-        for (size_t lane = 0; lane < AMPI_LANES; lane++) {
-            const double command = loop->command[row][lane], before = loop->before[row][lane];
-            asked[row][lane] = delay[lane] > 0.0
-                                   ? ampi_delay_value(&loop->actuator, row, lane, share)
-                               : share == 0.0 ? before
-                               : share == 1.0 ? command
-                                              : command * (1.0 - older) + before * older;
+        const double *const command = loop->command[row], *const before = loop->before[row];
+        for (size_t i = 0; i < AMPI_LANES; i++) {
+            const double between = command[i] * (1.0 - older) + before[i] * older;
+            asked[row][i] = share == 0.0 ? before[i] : share == 1.0 ? command[i] : between;
+        }
+    }
+    for (size_t i = 0; i < AMPI_LANES; i++) {
+        if (loop->fixed[AMPI_FIX_actuator_delay][i] > 0.0) {
+            double values[PLANT_STEERING];
+            ampi_delay_values(&loop->actuator, i, share, values);
+            asked[PLANT_RATE][i] = values[PLANT_RATE];
+            asked[PLANT_ANGLE][i] = values[PLANT_ANGLE];
         }
     }
 }
