@@ -14,6 +14,12 @@
     high_density_time      (2, high_density)
     ld_to_hd               (node, high_density), P_FRP
 
+and where they were asked for, which the root attribute `sensitivities` says,
+
+    parameter, row         names of the parameters and of states, bank rate and gains, dimension scales
+    sensitivities          (p_1 … p_d, parameter, row, node), ∂/∂p; NaN where an optimum has none
+    final_time_sensitivity (p_1 … p_d, parameter)
+
 Every dataset carries `units` and `long_name`, is chunked with shuffle, gzip and fletcher32, and enters
 the content digest (SHA-256), as do the root attributes. The whole file is sealed besides by a SHA-256
 in its user block: a flipped bit anywhere is found on loading.
@@ -42,6 +48,7 @@ from ampi.trajectory import Statistics, Status, Trajectory
 
 Array = NDArray[np.float64]
 
+# An optional dataset more is no other schema: who reads the others reads what they read before.
 # 5: with solver_settings, and another digest; 4: with the peaks of three limits only; 3: without
 # time_limit; 2: and without target_multipliers; 1: and with six parameter axes always
 SCHEMA_VERSION = 6
@@ -77,6 +84,8 @@ class TrajectoryDataset:
     conversion: Array  # (n, m)
     high_density_time: Array  # (2, m)
     attributes: dict[str, Any]
+    sensitivities: Array | None = None  # (p…, d, 15, n): states, bank rate and gains over p
+    final_time_sensitivity: Array | None = None  # (p…, d)
 
     @property
     def shape(self) -> tuple[int, ...]:
@@ -272,25 +281,7 @@ def _read_checked(file: h5py.File, path: Path) -> TrajectoryDataset:
         axes=tuple(file[f"axis_{name}"][()] for name in names),
         conversion=file["ld_to_hd"][()],
         attributes=dict(file.attrs),
-        **{
-            name: file[name][()]
-            for name in (
-                "states",
-                "bank_rate",
-                "gains",
-                "target_multipliers",
-                "final_time",
-                "cost",
-                "status",
-                "iterations",
-                "position_error",
-                "altitude_error",
-                "speed_error",
-                "peak",
-                "message",
-                "high_density_time",
-            )
-        },
+        **{name: file[name][()] for name in READ if name in described(file.attrs)},
     )
 
 
@@ -333,3 +324,27 @@ FIELDS: dict[str, Field] = {
         "1", "low- to high-density conversion matrix", ("node", "high_density"), False
     ),
 }
+SENSITIVITIES = "sensitivities"  # the root attribute, and a dataset
+SENSITIVITY_FIELDS: dict[str, Field] = {
+    SENSITIVITIES: Field(
+        f"{' '.join((*STATE_UNITS, *CONTROL_UNITS))}, {CONTROL_UNITS[0]} per unit of each state; "
+        "per unit of each parameter",
+        "derivatives of optimal states, bank rate and gains over the parameters",
+        ("parameter", "row", "node"),
+    ),
+    "final_time_sensitivity": Field(
+        "s per unit of each parameter",
+        "derivatives of the optimal final time over the parameters",
+        ("parameter",),
+    ),
+}
+READ = (  # what a TrajectoryDataset holds by the same name
+    *(name for name, field in FIELDS.items() if field.per_case),
+    "high_density_time",
+    *SENSITIVITY_FIELDS,
+)
+
+
+def described(attributes: Mapping[str, Any]) -> dict[str, Field]:
+    """The datasets of a file, but for scales, by its root attributes."""
+    return FIELDS | SENSITIVITY_FIELDS if SENSITIVITIES in attributes else FIELDS

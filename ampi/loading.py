@@ -17,7 +17,7 @@ from ampi.onboard.row_layout import RowKind, RowLayout
 from ampi.onboard.segments import Segments
 from ampi.onboard.table import GuidanceTable, nearest_solved
 from ampi.pseudospectral.mesh import Mesh
-from ampi.tracker_design.drag_rows import drag_rows
+from ampi.table_sensitivities import loads, table_sensitivities
 from ampi.tracking.bank_limiter import BankLimits
 from ampi.tracking.drag_shuttle import DragShuttle
 from ampi.tracking.drag_sliding_mode import DragSlidingMode
@@ -27,7 +27,6 @@ from ampi.tracking.linear_quadratic import LinearQuadratic
 Array = NDArray[np.float64]
 Holes = Literal["refuse", "fly"]
 HOLES: tuple[Holes, ...] = get_args(Holes)
-AT_ONCE = 4096  # cases whose rows are made together: of a large database all would not fit
 
 
 def law_of(law: TrackingLaw | str, mission: Mission) -> TrackingLaw:
@@ -78,7 +77,7 @@ def guidance_table(
     """Pack what a law flies by, of every case of a database, into the table that flies.
 
     With `holes="fly"` a case without solution takes the rows of the nearest one that has one, and the
-    table says so.
+    table says so. Where the file holds sensitivities, so does the table.
 
     Raises
     ------
@@ -121,6 +120,7 @@ def guidance_table(
         solved=solved if len(missing) else None,
         circular=tuple(i for i, p in enumerate(dataset.mission.parameters) if p.number.is_circular),
         layout=layout,
+        sensitivities=table_sensitivities(dataset, layout, rows, final_time),
     )
 
 
@@ -140,20 +140,8 @@ def _parts(dataset: TrajectoryDataset, layout: RowLayout) -> dict[RowKind, Array
     if RowKind.GAIN in kinds:
         parts[RowKind.GAIN] = dataset.gains
     if RowKind.LOAD in kinds:
-        parts[RowKind.LOAD] = _drag_rows(dataset)
+        parts[RowKind.LOAD] = loads(dataset)
     return parts
-
-
-def _drag_rows(dataset: TrajectoryDataset) -> Array:
-    """`drag_rows` of all cases, (p…, 5, n)."""
-    points = np.stack(np.meshgrid(*dataset.axes, indexing="ij"), axis=-1)
-    family = dataset.mission.family(points.reshape(dataset.final_time.size, -1))
-    fixed, free = dataset.mission.pseudospectral_mesh.node_time
-    times = fixed + free * dataset.final_time.reshape(-1, 1)
-    states = dataset.states.reshape(-1, *dataset.states.shape[-2:])
-    blocks = [slice(i, i + AT_ONCE) for i in range(0, len(states), AT_ONCE)]
-    rows = [drag_rows(family.take(np.arange(len(states))[b]), states[b], times[b]) for b in blocks]
-    return np.concatenate(rows).reshape(*dataset.shape, -1, states.shape[-1])
 
 
 def load_guidance(
@@ -171,7 +159,7 @@ def load_guidance(
     path
         File made by `database.build`.
     mode
-        "ampi" (default), "mpi", "quadratic" or "nominal".
+        Name of a `Mode`; "ampi" is the paper's.
     holes
         Of a database in which cases have no solution: "refuse" it, or "fly" it, with references flagged
         where they need such a case (`Reference.hole`).

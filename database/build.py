@@ -42,6 +42,7 @@ def build(
     resume: bool = True,
     time_limit: float = TIME_LIMIT,
     gains: GainSettings | None = None,
+    sensitivities: bool = False,
     solver: Solver = solve,
     settings: SolverSettings | None = None,
     known: Mapping[int, KnownOptimum] | None = None,
@@ -58,18 +59,18 @@ def build(
         What this object says is built.
     path
         HDF5 file to write; an existing one is replaced only by a whole new one.
-    n_jobs
-        Worker processes on this machine.
-    client
-        A `distributed.Client`: its workers instead; they must see the folder of `path`.
+    n_jobs, client
+        Worker processes here, or those of a `distributed.Client`, which must see the folder of `path`.
     resume
         Go on from what an interrupted build has kept, or find the file whole; False starts afresh.
     time_limit
         Of one solve (s); one that takes longer is ended, and its case tried along another path.
     gains
         Weights of the tracking gains.
+    sensitivities
+        Store the derivatives of every optimum over the parameters, too (`ampi.scp.sensitivities`).
     solver
-        The optimiser, a function of a module: another one to measure the runner by itself.
+        The optimiser, a function of a module: another to measure the runner by itself.
     settings
         Of `ampi.solve`, for every solve of the build; the defaults need no tuning.
     known
@@ -85,8 +86,8 @@ def build(
         If the mission, or a point of its grid, says what no mission file could.
     """
     require_workers(n_jobs)
-    path = _in_a_folder(Path(path))
-    campaign = checked(mission, path, solver, settings, time_limit, gains)
+    path, asked = _in_a_folder(Path(path)), (settings, time_limit, gains, sensitivities)
+    campaign = checked(mission, path, solver, *asked)
     if resume and (found := already_whole(path, campaign, known or {})) is not None:
         return found
     folder, notify = campaign.folder, advance or (lambda count: None)

@@ -19,6 +19,7 @@ from database.records.campaign import Campaign
 TOGETHER_SECONDS = (
     3e-3  # of one worker, for a case of `NODES` nodes among others of its flight model
 )
+SENSITIVITY_SECONDS = 0.7e-3  # for the derivatives of such a case over each parameter
 ALONE_SECONDS = 0.25  # for one that is solved by itself
 NODES = 64
 ROWS = len(LINEAR_TRACKING)  # of doubles at each node
@@ -71,7 +72,9 @@ class Estimate:
         )
 
 
-def estimate(mission: Mission, path: str | Path, *, workers: int) -> Estimate:
+def estimate(
+    mission: Mission, path: str | Path, *, workers: int, sensitivities: bool = False
+) -> Estimate:
     """What building the mission's grid to `path` will take; nothing is solved."""
     path = Path(path).absolute()
     mission.checked()
@@ -79,7 +82,11 @@ def estimate(mission: Mission, path: str | Path, *, workers: int) -> Estimate:
     nodes = mission.pseudospectral_mesh.n_nodes
     together = Campaign(mission.toml, path).together
     each = TOGETHER_SECONDS * nodes / NODES if together else ALONE_SECONDS
-    file_bytes = FILE_SHARE * 8.0 * ROWS * nodes * cases
+    tables = 1  # of all rows, each case
+    if sensitivities:
+        tables += len(mission.parameters)
+        each += SENSITIVITY_SECONDS * len(mission.parameters) * nodes / NODES
+    file_bytes = FILE_SHARE * 8.0 * ROWS * nodes * cases * tables
     record = RECORD_HEAD + 8.0 * RECORDED_ROWS * nodes
     return Estimate(
         cases=cases,

@@ -17,6 +17,7 @@ from ampi.missions.mission import Mission
 from ampi.scp.condensed.settings import SolverSettings
 from ampi.scp.problem.capabilities import check
 from ampi.scp.problem.scaled_problem import OptimalControlProblem
+from ampi.scp.sensitivities import refusal
 from ampi.scp.solve import solve
 from ampi.tracker_design.riccati_gains import GainSettings
 from database.estimate import MOST_EVER
@@ -30,6 +31,7 @@ def checked(
     settings: SolverSettings | None,
     time_limit: float,
     gains: GainSettings | None,
+    sensitivities: bool,
 ) -> Campaign:
     """The campaign that a call of `database.build` asks for.
 
@@ -52,6 +54,8 @@ def checked(
             "axes fewer points"
         )
     _refuse_unknown(mission, solver, settings)
+    if sensitivities:
+        _refuse_sensitivities(mission, solver)
     _refuse_other_database(path, mission)
     campaign = Campaign(
         mission.toml,
@@ -60,6 +64,7 @@ def checked(
         settings or SolverSettings(),
         time_limit,
         gains or GainSettings(),
+        sensitivities,
         build=str(uuid4()),
     )
     try:
@@ -97,6 +102,18 @@ def _refuse_unknown(mission: Mission, solver: Solver, settings: SolverSettings |
                 f"grid.{mission.parameters[i].key}: expected a target of the same rows at every point, "
                 "got one row more or less where its weight is 0; leave out that point"
             )
+
+
+def _refuse_sensitivities(mission: Mission, solver: Solver) -> None:
+    """They are those of optima of `ampi.solve`, whose conditions are known."""
+    if solver is not solve:
+        raise BuildError(
+            f"sensitivities: expected False with another optimiser than ampi.solve "
+            f"({solver_name(solver)}), got True; leave them out"
+        )
+    sentence = refusal(mission)
+    if sentence is not None:
+        raise BuildError(f"{mission.name}: {sentence}")
 
 
 def _refuse_other_database(path: Path, mission: Mission) -> None:

@@ -12,6 +12,8 @@ from ampi.cli.progress import progress
 from ampi.dataset import read_dataset
 from ampi.report.text import verdict_text
 
+MODES = ("nominal", "mpi", "ampi", "quadratic")
+
 
 def main() -> None:
     """Parse, fly every mode on the same draws, print."""
@@ -24,10 +26,10 @@ def main() -> None:
     arguments = parser.parse_args()
     mission = read_dataset(arguments.path).mission
     guidance = ampi.load_guidance(arguments.path)
-    with progress("flying", arguments.flights * len(ampi.Mode)) as advance:
+    with progress("flying", arguments.flights * len(MODES)) as advance:
         flown = ampi.fly_schemes(
             mission,
-            {m.value: ampi.Scheme(guidance.in_mode(m), arguments.world) for m in ampi.Mode},
+            {m: ampi.Scheme(guidance.in_mode(m), arguments.world) for m in MODES},
             arguments.flights,
             seed=arguments.seed,
             n_jobs=arguments.jobs,

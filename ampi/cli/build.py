@@ -38,6 +38,13 @@ def build(
         float | None,
         typer.Option(help="Of one solve (s); then the case is tried along another path."),
     ] = None,
+    sensitivities: Annotated[
+        bool,
+        typer.Option(
+            "--sensitivities",
+            help="Store the derivatives of every optimum over the parameters, too.",
+        ),
+    ] = False,
     yes: Annotated[
         bool, typer.Option("--yes", help="Build a large grid without being asked.")
     ] = False,
@@ -54,8 +61,9 @@ def build(
         loaded = load_mission(mission)
         try:
             with cluster(scheduler) as client:
-                _agree_to_build(loaded, path, client, jobs, yes=yes, resume=resume)
-                report = _build(loaded, path, client, jobs, time_limit, resume=resume)
+                asked = {"resume": resume, "sensitivities": sensitivities}
+                _agree_to_build(loaded, path, client, jobs, yes=yes, **asked)
+                report = _build(loaded, path, client, jobs, time_limit, **asked)
         except Stopped as stopped:
             _print_how_to_go_on(path)
             raise typer.Exit(128 + stopped.signal) from None
@@ -74,6 +82,7 @@ def _build(
     time_limit: float | None,
     *,
     resume: bool,
+    sensitivities: bool,
 ) -> BuildReport:
     import database
     from database.plan.grid import Grid
@@ -86,6 +95,7 @@ def _build(
             n_jobs=jobs,
             client=client,
             resume=resume,
+            sensitivities=sensitivities,
             time_limit=TIME_LIMIT if time_limit is None else time_limit,
             advance=advance,
         )
@@ -126,14 +136,21 @@ def _end_of_build(report: BuildReport) -> None:
 
 
 def _agree_to_build(
-    mission: Mission, path: Path, client: Any, jobs: int, *, yes: bool, resume: bool
+    mission: Mission,
+    path: Path,
+    client: Any,
+    jobs: int,
+    *,
+    yes: bool,
+    resume: bool,
+    sensitivities: bool,
 ) -> None:
     """Say what it will take; before a large build ask, and where nobody can be asked refuse."""
     from ampi.dataset import partial_folder
     from database.estimate import MOST_EVER, estimate
 
     workers = jobs if client is None else max(1, sum(client.nthreads().values()))
-    found = estimate(mission, path, workers=workers)
+    found = estimate(mission, path, workers=workers, sensitivities=sensitivities)
     if not found.possible:
         raise ValueError(
             f"{found}; expected at most {MOST_EVER:,} cases: give the axes fewer points"

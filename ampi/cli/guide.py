@@ -13,6 +13,7 @@ from ampi.cli.console import error_out, out, print_json
 from ampi.cli.endings import refusals
 from ampi.cli.node_table import HEADER, write_nodes
 from ampi.cli.options import (
+    ONE_MODE,
     DatabaseArgument,
     Force,
     HolesOption,
@@ -44,7 +45,7 @@ def guide(
         list[str] | None,
         typer.Option("--parameter", "-p", help="Any parameter of the database, KEY=VALUE."),
     ] = None,
-    mode: Annotated[str, typer.Option(help="ampi, mpi, quadratic or nominal.")] = "ampi",
+    mode: Annotated[str, typer.Option(help=ONE_MODE)] = "ampi",
     holes: HolesOption = "refuse",
     table: Annotated[Path | None, typer.Option("--csv", help="Write the reference as CSV.")] = None,
     plot: Annotated[Path | None, typer.Option(help="Draw it (PNG, PDF, SVG).")] = None,

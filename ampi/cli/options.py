@@ -51,7 +51,9 @@ LawOption = Annotated[
     str,
     typer.Option(help="Comma-separated: linear_quadratic, drag_sliding_mode, drag_shuttle."),
 ]
-ModesOption = Annotated[str, typer.Option(help="Comma-separated: nominal, mpi, ampi, quadratic.")]
+MODES = "nominal, mpi, ampi, nearest, quadratic, cubic, second_differences, hermite"
+ONE_MODE = f"One of {MODES}."
+ModesOption = Annotated[str, typer.Option(help=f"Comma-separated: {MODES}.")]
 EngineOption = Annotated[
     str,
     typer.Option(help="What computes: native (compiled), numpy, or auto: native if it is built."),

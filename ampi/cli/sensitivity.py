@@ -9,7 +9,15 @@ from rich.table import Table
 
 from ampi.cli.console import out, print_json
 from ampi.cli.endings import refusals
-from ampi.cli.options import DatabaseArgument, HolesOption, Jobs, Json, LawOption, SeedOption
+from ampi.cli.options import (
+    ONE_MODE,
+    DatabaseArgument,
+    HolesOption,
+    Jobs,
+    Json,
+    LawOption,
+    SeedOption,
+)
 from ampi.cli.progress import progress
 
 if TYPE_CHECKING:
@@ -22,7 +30,7 @@ def sensitivity(
     path: DatabaseArgument,
     world: Annotated[str, typer.Option(help="A shipped world, or a .toml file.")] = "everything",
     law: LawOption = "linear_quadratic",
-    mode: Annotated[str, typer.Option(help="nominal, mpi, ampi or quadratic.")] = "ampi",
+    mode: Annotated[str, typer.Option(help=ONE_MODE)] = "ampi",
     n: Annotated[int, typer.Option("-n", help="Rows of the design, a power of 2.")] = 64,
     seed: SeedOption = 2016,
     cycle: Annotated[float, typer.Option(help="Guidance cycle (s).")] = 0.1,

@@ -13,10 +13,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ampi.onboard.health import Health
-from ampi.onboard.interpolation import TensorProductInterpolator
+from ampi.onboard.interpolation import Interpolator
 from ampi.onboard.plausibility import SANE, TURN, numbers, on_turn_of
 from ampi.onboard.row_layout import RowLayout
-from ampi.onboard.subspace import select_subspace
+from ampi.onboard.subspace import Order
 from ampi.onboard.table import GuidanceTable
 
 Array = NDArray[np.float64]
@@ -28,7 +28,12 @@ class Mode(Enum):
     NOMINAL = "nominal"  # the hypercentre's optimum, whatever the parameters
     MPI = "mpi"  # multilinear over the outer 2^d vertices
     AMPI = "ampi"  # multilinear over the selected 2^d cell
-    QUADRATIC = "quadratic"  # order 3 in Eq. (16): three points per axis, same table
+    # over the same table, every axis in the order of this name
+    NEAREST = "nearest"
+    QUADRATIC = "quadratic"
+    CUBIC = "cubic"
+    SECOND_DIFFERENCES = "second_differences"
+    HERMITE = "hermite"  # of a table with sensitivities alone
 
     @classmethod
     def _missing_(cls, value: object) -> Mode:
@@ -36,7 +41,16 @@ class Mode(Enum):
         raise ValueError(f"mode: expected one of {names}, got {value!r}")
 
 
-_ORDER = {Mode.NOMINAL: 1, Mode.MPI: 2, Mode.AMPI: 2, Mode.QUADRATIC: 3}
+_ORDER = {
+    Mode.NOMINAL: Order.NEAREST,
+    Mode.MPI: Order.LINEAR,
+    Mode.AMPI: Order.LINEAR,
+    Mode.NEAREST: Order.NEAREST,
+    Mode.QUADRATIC: Order.QUADRATIC,
+    Mode.CUBIC: Order.CUBIC,
+    Mode.SECOND_DIFFERENCES: Order.SECOND_DIFFERENCES,
+    Mode.HERMITE: Order.HERMITE,
+}
 FAR = 0.2  # of an axis' range: further outside, the boundary trajectory is not near
 # of the greatest number on an axis: its edge in another unit differs in the last digits, and is inside
 ROUNDING = 16.0 * float(np.finfo(float).eps)
@@ -82,9 +96,16 @@ class Reference:
 
 
 class ReferenceGenerator:
-    """Makes references from a table in one mode. All memory is allocated here, at start-up."""
+    """Makes references from a table in one mode. All memory is allocated here, at start-up.
 
-    def __init__(self, table: GuidanceTable, mode: Mode) -> None:
+    `orders` are those of the axes, if not all in that of the mode.
+    """
+
+    def __init__(
+        self, table: GuidanceTable, mode: Mode, orders: tuple[Order, ...] | None = None
+    ) -> None:
+        self.orders = (_ORDER[mode],) * len(table.axes) if orders is None else tuple(orders)
+        _check(self.orders, table)
         # what p is measured against is the whole table's; plain floats are faster than numpy's
         self._nominal = [float(axis[i]) for axis, i in zip(table.axes, table.centre, strict=True)]
         self._edges = [(float(axis[0]), float(axis[-1])) for axis in table.axes]
@@ -98,15 +119,14 @@ class ReferenceGenerator:
         elif mode is Mode.NOMINAL:
             table = table.nominal()
         self.table, self.mode = table, mode
-        self._axes = [axis.tolist() for axis in table.axes]
         grid = tuple(len(axis) for axis in table.axes)
         (n, m), rows = table.conversion.shape, len(table.layout)
         # The final time rides along as one more column: one interpolation serves both.
         packed = np.empty((*grid, rows * n + 1))
         packed[..., :-1] = table.values.reshape(*grid, rows * n)
         packed[..., -1] = table.final_time
-        self._interpolator = TensorProductInterpolator(packed, _ORDER[mode])
-        self._weights = np.zeros((len(grid), 3))
+        self._interpolator = Interpolator(table.axes, packed, self.orders, table.sensitivities)
+        self._holes = None if table.solved is None else ~table.solved.ravel()
         self._low = np.zeros((rows, n))
         self._high = np.zeros((rows, m))
         self._times = np.zeros(m)
@@ -122,28 +142,27 @@ class ReferenceGenerator:
         Never an exception: a parameter that is no finite number, or each if p is no vector of d of them,
         counts as nominal, and `health` says so.
         """
-        table, d = self.table, len(self._axes)
+        table, d = self.table, len(self._edges)
         measured = numbers(parameters, d).tolist()
-        first, clipped, excess = [0] * d, [False] * d, [0.0] * d
-        for i, axis in enumerate(self._axes):
-            p, excess[i] = self._placed(i, measured[i])
-            first[i], _ = select_subspace(axis, p, _ORDER[self.mode], self._weights[i])
-            clipped[i] = excess[i] > 0.0 and self.mode is not Mode.NOMINAL
-        row = self._interpolator(first, self._weights)
+        placed, excess = [0.0] * d, [0.0] * d
+        for i in range(d):
+            placed[i], excess[i] = self._placed(i, measured[i])
+        clipped = [share > 0.0 and self.mode is not Mode.NOMINAL for share in excess]
+        row = self._interpolator(placed)
         self._low[...] = row[:-1].reshape(self._low.shape)
         np.matmul(self._low, table.conversion, out=self._high)
         final_time = float(row[-1])
         fixed, free = table.high_density_time
         np.multiply(free, final_time, out=self._times)
         np.add(self._times, fixed, out=self._times)
-        hole = table.solved is not None and self._in_a_hole(first, table.solved)
+        hole = self._holes is not None and self._interpolator.weighs(self._holes)
         return Reference(
             times=self._times,
             rows=self._high,
             nodal=self._low,
             layout=table.layout,
             final_time=final_time,
-            cell=tuple(first),
+            cell=self._interpolator.first,
             clipped=tuple(clipped),
             excess=tuple(excess),
             hole=hole,
@@ -166,17 +185,16 @@ class ReferenceGenerator:
             return edge, 0.0
         return p, beyond / (high - low) if high > low else np.inf
 
-    def _in_a_hole(self, first: list[int], solved: NDArray[np.bool_]) -> bool:
-        """Whether a hole has weight: a weight is 0 only where p is a grid point of its axis."""
-        window = []
-        for i, k in enumerate(self._interpolator.widths):
-            low, high = 0, k
-            while self._weights[i, low] == 0.0:
-                low += 1
-            while self._weights[i, high - 1] == 0.0:
-                high -= 1
-            window.append(slice(first[i] + low, first[i] + high))
-        return not solved[tuple(window)].all()
+
+def _check(orders: tuple[Order, ...], table: GuidanceTable) -> None:
+    """On the ground: the table has what its orders need."""
+    if len(orders) != len(table.axes):
+        raise ValueError(f"orders: expected {len(table.axes)}, one an axis, got {len(orders)}")
+    if Order.HERMITE in orders and table.sensitivities is None:
+        raise ValueError(
+            "orders: hermite needs a table with sensitivities, and this one has none; build the "
+            "database with them, or take another order"
+        )
 
 
 def _health(measured: list[float], clipped: bool, excess: list[float], hole: bool) -> Health:

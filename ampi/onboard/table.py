@@ -38,9 +38,49 @@ class GuidanceTable:
     solved: NDArray[np.bool_] | None = None  # (n_1 … n_d), false: a hole; None: there are none
     circular: tuple[int, ...] = ()  # axes of longitudes and azimuths: the same modulo a turn
     layout: RowLayout = LINEAR_TRACKING  # of the rows
+    sensitivities: Array | None = None  # (n_1 … n_d, d, r n + 1), ∂(values, final time)/∂p
     envelope: StateEnvelope = field(init=False)  # of plausible navigation states
 
     def __post_init__(self) -> None:
+        self._check_shapes()
+        shape = tuple(len(axis) for axis in self.axes)
+        missing = ~np.isfinite(self.final_time)
+        missing |= ~np.all(np.isfinite(self.values), axis=(-2, -1))
+        if np.any(missing):
+            raise ValueError(
+                f"guidance table: {np.count_nonzero(missing)} of {missing.size} cases have no "
+                "solution; a table with holes cannot fly. Re-run the build, or shrink the grid"
+            )
+        slopes = () if self.sensitivities is None else (self.sensitivities,)
+        shared = (*self.axes, self.conversion, *self.high_density_time, *slopes)
+        if not all(np.all(np.isfinite(array)) for array in shared):
+            raise ValueError(
+                "guidance table: axes, LD→HD matrix, times and sensitivities must be finite"
+            )
+        if any(np.any(np.diff(axis) <= 0) for axis in self.axes):
+            raise ValueError("guidance table: every axis must increase strictly")
+        if np.abs(self.conversion.sum(axis=0) - 1.0).max() > 1e-9:
+            raise ValueError("guidance table: the columns of the LD→HD matrix must sum to one")
+        if len(self.centre) != len(shape) or not all(
+            0 <= i < n for i, n in zip(self.centre, shape, strict=True)
+        ):
+            raise ValueError(
+                f"guidance table: centre: expected a grid index within {shape}, got {self.centre}"
+            )
+        if not set(self.circular) <= set(range(len(shape))):
+            raise ValueError(
+                f"guidance table: circular: expected numbers of axes, 0 to {len(shape) - 1}, "
+                f"got {self.circular}"
+            )
+        self._check_times()
+        states = self.values[..., self.layout.states, :]
+        object.__setattr__(self, "envelope", StateEnvelope.of(states))
+        for array in (*shared, self.values, self.final_time):
+            array.setflags(write=False)
+        if self.solved is not None:
+            self.solved.setflags(write=False)
+
+    def _check_shapes(self) -> None:
         shape = tuple(len(axis) for axis in self.axes)
         n, m = self.conversion.shape
         expected = {
@@ -57,34 +97,14 @@ class GuidanceTable:
             )
         if self.solved is not None:
             expected["solved"] = (self.solved.shape, shape)
+        if self.sensitivities is not None:
+            wanted_shape = (*shape, len(shape), len(self.layout) * n + 1)
+            expected["sensitivities"] = (self.sensitivities.shape, wanted_shape)
         for name, (got, wanted) in expected.items():
             if got != wanted:
                 raise ValueError(f"guidance table: {name} has shape {got}, expected {wanted}")
-        missing = ~np.isfinite(self.final_time)
-        missing |= ~np.all(np.isfinite(self.values), axis=(-2, -1))
-        if np.any(missing):
-            raise ValueError(
-                f"guidance table: {np.count_nonzero(missing)} of {missing.size} cases have no "
-                "solution; a table with holes cannot fly. Re-run the build, or shrink the grid"
-            )
-        shared = (*self.axes, self.conversion, *self.high_density_time)
-        if not all(np.all(np.isfinite(array)) for array in shared):
-            raise ValueError("guidance table: axes, LD→HD matrix and times must be finite")
-        if any(np.any(np.diff(axis) <= 0) for axis in self.axes):
-            raise ValueError("guidance table: every axis must increase strictly")
-        if np.abs(self.conversion.sum(axis=0) - 1.0).max() > 1e-9:
-            raise ValueError("guidance table: the columns of the LD→HD matrix must sum to one")
-        if len(self.centre) != len(shape) or not all(
-            0 <= i < n for i, n in zip(self.centre, shape, strict=True)
-        ):
-            raise ValueError(
-                f"guidance table: centre: expected a grid index within {shape}, got {self.centre}"
-            )
-        if not set(self.circular) <= set(range(len(shape))):
-            raise ValueError(
-                f"guidance table: circular: expected numbers of axes, 0 to {len(shape) - 1}, "
-                f"got {self.circular}"
-            )
+
+    def _check_times(self) -> None:
         fixed, free = self.high_density_time
         for final_time in (self.final_time.min(), self.final_time.max()):  # affine between them
             if not final_time > 0.0 or not np.all(np.diff(fixed + free * final_time) > 0.0):
@@ -92,12 +112,6 @@ class GuidanceTable:
                     "guidance table: final times must be positive, and the times a + b t_f of the "
                     f"points increase strictly; with t_f = {final_time} they do not"
                 )
-        states = self.values[..., self.layout.states, :]
-        object.__setattr__(self, "envelope", StateEnvelope.of(states))
-        for array in (*shared, self.values, self.final_time):
-            array.setflags(write=False)
-        if self.solved is not None:
-            self.solved.setflags(write=False)
 
     def corners(self) -> GuidanceTable:
         """The outer 2^d vertices alone: the database of the basic MPI."""
@@ -108,6 +122,7 @@ class GuidanceTable:
         return self._part(tuple(slice(i, i + 1) for i in self.centre))
 
     def _part(self, cut: tuple[slice, ...]) -> GuidanceTable:
+        slopes = self.sensitivities
         return replace(
             self,
             axes=tuple(axis[c] for axis, c in zip(self.axes, cut, strict=True)),
@@ -115,6 +130,7 @@ class GuidanceTable:
             final_time=np.ascontiguousarray(self.final_time[cut]),
             centre=tuple(0 for _ in self.axes),
             solved=None if self.solved is None else np.ascontiguousarray(self.solved[cut]),
+            sensitivities=None if slopes is None else np.ascontiguousarray(slopes[cut]),
         )
 
 

@@ -121,7 +121,8 @@ class TabulatedAerodynamics:
     lift: tuple[tuple[float, ...], ...]
     drag: tuple[tuple[float, ...], ...]
     needs_mach: ClassVar[bool] = True
-    _weights: tuple[Any, ...] = field(init=False, repr=False, compare=False)
+    # knots of α and of M, weights of C_L and of C_D on the products of their basis functions
+    weights: tuple[Any, ...] = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
         for name in ("angle_of_attack", "mach"):
@@ -148,11 +149,11 @@ class TabulatedAerodynamics:
             found = np.linalg.solve(across_mach, np.swapaxes(half, -1, -2))
             weights.append(np.moveaxis(found, (-1, -2), (0, 1)))  # cases last, as in a flight model
         nested = (_numbers(w, axes) for w, axes in zip(weights, (1, 1, 2, 2), strict=True))
-        object.__setattr__(self, "_weights", tuple(nested))
+        object.__setattr__(self, "weights", tuple(nested))
 
     def coefficients(self, angle_of_attack: Any, mach: Any) -> tuple[Any, Any]:
         """(C_L, C_D), the edge held outside the table."""
-        alpha_knots, mach_knots, lift, drag = self._weights
+        alpha_knots, mach_knots, lift, drag = self.weights
         alpha = np.minimum(np.maximum(angle_of_attack, alpha_knots[0]), alpha_knots[-1])
         mach = np.minimum(np.maximum(mach, mach_knots[0]), mach_knots[-1])
         left, right = _clamped_basis(alpha_knots, alpha), _clamped_basis(mach_knots, mach)

@@ -42,7 +42,13 @@ MODE_SENTENCES = {
     Mode.NOMINAL: "tracks the optimum of the nominal entry, whatever the entry state",
     Mode.MPI: "interpolates multilinearly between the outer vertices of the hypercube",
     Mode.AMPI: "interpolates multilinearly inside the cell of the grid that holds the entry state",
+    Mode.NEAREST: "tracks the optimum of the grid point nearest to the entry state",
     Mode.QUADRATIC: "interpolates quadratically, with three points per axis of the same table",
+    Mode.CUBIC: "interpolates cubically, with four points per axis of the same table",
+    Mode.SECOND_DIFFERENCES: "corrects the multilinear reference of AMPI by second differences along "
+    "each axis",
+    Mode.HERMITE: "corrects the multilinear reference of AMPI by stored sensitivities to the"
+    " entry state",
 }
 
 

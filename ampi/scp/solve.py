@@ -126,7 +126,7 @@ def optimum(
             chosen.max_iterations,
         )
 
-    with _one_blas_thread():  # measured: threads more than double the time of small matrices
+    with one_blas_thread():  # measured: threads more than double the time of small matrices
         if refinement is None:
             return solve_on(mission, guess)
         return refine(mission, solve_on, guess=guess, settings=refinement)
@@ -194,7 +194,7 @@ def solve_family(
     known = [k for k, start in enumerate(starts) if start.target_multipliers is not None]
     cases, starts = [cases[k] for k in known], [starts[k] for k in known]
     problem = problem.at(np.array(cases, dtype=np.intp))
-    with _one_blas_thread():
+    with one_blas_thread():
         for place, solution in newton(problem, starts, settings):
             found[cases[place]] = solution
     return found
@@ -235,14 +235,14 @@ def _by_the_literature(
     if guess is not None:
         section = GuessSection.model_construct(bank_angle=guess.bank_angle)
         mission = mission.model_copy(update={"guess": section})
-    with _one_blas_thread():
+    with one_blas_thread():
         found = solve_by(mission, METHODS[method], subproblem or solve_sparse_subproblem)
     if found is not None:
         return found.trajectory
     return Trajectory.none(mission.pseudospectral_mesh, Status.GUESS_FAILED)
 
 
-def _one_blas_thread() -> AbstractContextManager[object]:
+def one_blas_thread() -> AbstractContextManager[object]:
     """The matrices are small: threads cost more than they save."""
     if all(os.environ.get(name) == "1" for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS")):
         return nullcontext()  # a worker of a build, say: it had that set before BLAS was loaded

@@ -66,14 +66,22 @@ class GainSettings:
 
 
 def vertex_gains(
-    family: MissionFamily, mesh: Mesh, states: Array, final_time: Array, settings: GainSettings
+    family: MissionFamily,
+    mesh: Mesh,
+    states: Array,
+    final_time: Array,
+    settings: GainSettings,
+    *,
+    swept_as: Array | None = None,
 ) -> Array:
     """K at the nodes, (c, 7, n), of trajectories `states` (c, 7, n), `final_time` (c,).
 
-    Row i multiplies the error of state i (SI, rad); the command is u_ref − K · δx (rad/s).
+    Row i multiplies the error of state i (SI, rad); the command is u_ref − K · δx (rad/s). They are
+    swept on the grids of flights of final times `swept_as` (c,); None: their own. Gains need the same
+    grids to be compared to more digits than a sweep is accurate to.
     """
     gains = np.zeros((len(states), 7, mesh.n_nodes))
-    horizon = HORIZON * np.ceil(final_time / HORIZON)
+    horizon = HORIZON * np.ceil((final_time if swept_as is None else swept_as) / HORIZON)
     for longest in np.unique(horizon):
         part = np.flatnonzero(horizon == longest)
         alike = family.take(part)

@@ -32,6 +32,7 @@ from ampi.dataset import (
     DatasetError,
     axis_faults,
     content_digest,
+    described,
     is_this_schema,
     partial_folder,
     refuse_while_written,
@@ -164,7 +165,7 @@ def _check(file: h5py.File) -> Iterator[str]:
             f"use ampi {file.attrs.get('ampi_version', '?')}, which wrote the file"
         )
         return
-    missing = [name for name in FIELDS if name not in file]
+    missing = [name for name in described(file.attrs) if name not in file]
     missing += [f"axis_{n}" for n in file.attrs["parameters"] if f"axis_{n}" not in file]
     if missing:
         yield f"schema: missing dataset(s) {', '.join(missing)}"
@@ -195,7 +196,7 @@ def _check_chunks(file: h5py.File) -> Iterator[str]:
 
 def _check_schema(file: h5py.File) -> Iterator[str]:
     parameters = tuple(f"axis_{n}" for n in file.attrs["parameters"])
-    for name, form in FIELDS.items():
+    for name, form in described(file.attrs).items():
         scales = (*(parameters if form.per_case else ()), *form.dimensions)
         absent = [s for s in scales if s not in file]
         if absent:

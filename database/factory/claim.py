@@ -12,6 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
+from ampi.dataset import SENSITIVITIES
 from ampi.trajectory import Trajectory
 from ampi.workers.fingerprint import differences, read_fingerprint, write_fingerprint
 from ampi.workers.keeping import keeping
@@ -56,7 +57,8 @@ def _refuse_other_build(
             f"{count} finished cases belong to; put one of the two back, choose another path, or start "
             "afresh with resume off"
         )
-    differing = differences(found, fingerprint) if found is not None else []
+    optional = {SENSITIVITIES: "none"} if found is not None and SENSITIVITIES in found else {}
+    differing = differences(found, {**optional, **fingerprint}) if found is not None else []
     if differing:
         raise BuildError(
             f"{folder} holds cases of another build (different {', '.join(differing)}); "

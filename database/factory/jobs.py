@@ -42,6 +42,7 @@ from database.factory.attempts import (
     solve_one,
     stopped_after,
 )
+from database.file.block_sensitivities import block_sensitivities
 from database.file.blocks import Block, assemble, block_shape
 from database.file.encoded_block import encoded_block
 from database.plan.continuation import planned
@@ -336,6 +337,8 @@ class AssembleBlock(Job):
                 campaign.gains,
                 judged=campaign.judged,
             )
+            if campaign.sensitivities:
+                values |= block_sensitivities(campaign, self.block, values)
         encoded = encoded_block(values, block_shape(shape)).packed()
         flush = keeping_block(campaign.round_folder, self.block.number, encoded, campaign.label)
 

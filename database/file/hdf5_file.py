@@ -14,9 +14,11 @@ from numpy.typing import NDArray
 from ampi.dataset import (
     DIGEST,
     FIELDS,
+    SENSITIVITY_FIELDS,
     DatasetError,
     Field,
     content_digest,
+    described,
     seal,
 )
 from ampi.hdf5.file_sink import FileSink
@@ -54,19 +56,19 @@ def write_dataset(
     is read back must be what was written; the digest of the chunks' values was made with them.
     """
     path = path.resolve()  # a link stays one, and the file is written where it leads
-    temporary = path.with_name(path.name + ".tmp")
+    temporary, form = path.with_name(path.name + ".tmp"), described(attributes)
     try:
         with FileSink(temporary, "w+") as sink:
             try:
                 with h5py.File(sink, "w", track_order=False, userblock_size=SEAL_BYTES) as file:
                     file.attrs.update(attributes)
                     _write_scales(file, names, axes, axis_units, scales)
-                    for name, field in FIELDS.items():
+                    for name, field in form.items():
                         _create_field(file, name, field, names, block_shape)
                     for name, value in values.items():
                         file[name][...] = value
-                    fields = {name: file[name].id for name in FIELDS}
-                    digests = {name: hashlib.sha256() for name in FIELDS if name not in values}
+                    fields = {name: file[name].id for name in form}
+                    digests = {name: hashlib.sha256() for name in form if name not in values}
                     for slices, chunks in blocks:
                         _write_chunks(fields, slices, chunks)
                         sink.check()
@@ -161,7 +163,7 @@ def create(
     return file.create_dataset(
         name,
         shape=shape,
-        dtype=FIELDS[name].dtype,
+        dtype=(FIELDS | SENSITIVITY_FIELDS)[name].dtype,
         chunks=chunks,
         shuffle=True,
         compression="gzip",

@@ -15,7 +15,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ampi.dataset import SCHEMA_VERSION
+from ampi.dataset import SCHEMA_VERSION, SENSITIVITIES
 from ampi.workers.software import UNKNOWN, software
 from database.records.campaign import Campaign, solver_name
 
@@ -41,6 +41,7 @@ def provenance(campaign: Campaign, fingerprint: Mapping[str, str]) -> dict[str, 
 def made_by(campaign: Campaign) -> dict[str, str]:
     """All that the numbers of a file depend on besides its mission, and the revision that has it."""
     return {
+        **({SENSITIVITIES: "stored"} if campaign.sensitivities else {}),
         "solver": solver_name(campaign.solver),
         "settings": json.dumps(asdict(campaign.settings), sort_keys=True),
         "time_limit": f"{campaign.time_limit!r} s",

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ampi.missions.path_limits import PathLimits
+from ampi.onboard.row_layout import LINEAR_TRACKING
 from ampi.physics.state import STATES
 from ampi.pseudospectral.mesh import Mesh
 from ampi.scp.problem.scaled_problem import OptimalControlProblem
@@ -65,6 +66,7 @@ def write_database(
             "affine": np.array(["a", "b"], dtype="S1"),
             "node": np.arange(mesh.n_nodes),
             "high_density": np.arange(len(fixed)),
+            **(_rows_by_parameter(campaign) if campaign.sensitivities else {}),
         },
         values={
             "node_time": np.stack(mesh.node_time),
@@ -75,3 +77,9 @@ def write_database(
         blocks=((block.slices, encoded.chunks) for block, encoded in encoded_blocks),
         attributes=attributes,
     )
+
+
+def _rows_by_parameter(campaign: Campaign) -> dict[str, NDArray[np.bytes_]]:
+    """The scales of what is differentiated, and over what."""
+    rows = [row.name.encode() for row in LINEAR_TRACKING.rows]
+    return {"parameter": np.char.encode(campaign.grid.names), "row": np.array(rows)}

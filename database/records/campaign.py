@@ -9,7 +9,7 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any, Protocol
 
-from ampi.dataset import TrajectoryDataset
+from ampi.dataset import SENSITIVITIES, TrajectoryDataset
 from ampi.missions.family import MissionFamily
 from ampi.missions.loading import parse_mission
 from ampi.missions.mission import Mission
@@ -57,6 +57,7 @@ def as_built(dataset: TrajectoryDataset, solver: Solver) -> dict[str, Any]:
         "settings": settings_of(str(dataset.attributes["settings"])) if solver is solve else None,
         "time_limit": float(dataset.attributes["time_limit"]),
         "gains": GainSettings(**json.loads(dataset.attributes["gain_settings"])),
+        "sensitivities": SENSITIVITIES in dataset.attributes,
     }
 
 
@@ -88,6 +89,7 @@ class Campaign:
     settings: SolverSettings = field(default_factory=SolverSettings)  # of `solve`
     time_limit: float = TIME_LIMIT  # s, of one solve
     gains: GainSettings = field(default_factory=GainSettings)
+    sensitivities: bool = False  # whether the file holds them
     label: str = ""  # of the build's fingerprint: its records are sealed with it
     build: str = ""  # which run of it: in one, a record never changes once kept
     rounds: int = 0  # of the second pass (database.factory.second_pass) whose records count

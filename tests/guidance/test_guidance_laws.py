@@ -18,6 +18,7 @@ from tests.support.references import asking, at_instant
 from tests.support.steps import command
 
 Array = NDArray[np.float64]
+MODES = [mode for mode in Mode if mode is not Mode.HERMITE]  # no sensitivities in these tables
 
 laws = settings(deadline=None, max_examples=200)
 shares = st.lists(st.floats(-1.0, 1.0), min_size=6, max_size=6)
@@ -74,7 +75,7 @@ def test_on_the_reference_its_own_bank_rate_is_commanded(
 
 
 @laws
-@given(entry=sixes, time=anything, state=sevens, rate=anything, mode=st.sampled_from(list(Mode)))
+@given(entry=sixes, time=anything, state=sevens, rate=anything, mode=st.sampled_from(MODES))
 def test_no_numbers_raise(
     synthetic: Guidance,
     entry: list[float],
@@ -144,7 +145,7 @@ def test_whatever_navigation_says_the_command_can_be_flown(
 
 
 @laws
-@given(entry=shares, mode=st.sampled_from(list(Mode)))
+@given(entry=shares, mode=st.sampled_from(MODES))
 def test_a_pickled_guidance_makes_the_same_references(
     synthetic: Guidance, entry: list[float], mode: Mode
 ) -> None:
@@ -237,13 +238,15 @@ def test_modes_differ_between_the_vertices_and_agree_where_they_must(synthetic: 
     def final_time(mode: Mode, entry: object) -> float:
         return synthetic.in_mode(mode).reference(np.asarray(entry)).final_time
 
-    at_corner = {m: final_time(m, corner) for m in Mode}
+    at_corner = {m: final_time(m, corner) for m in MODES}
     assert at_corner[Mode.MPI] == at_corner[Mode.AMPI] == at_corner[Mode.QUADRATIC]
     assert at_corner[Mode.NOMINAL] == synthetic.table.final_time[synthetic.table.centre]
-    at_centre = {m: final_time(m, centre) for m in Mode}
+    at_centre = {m: final_time(m, centre) for m in MODES}
     assert at_centre[Mode.NOMINAL] == at_centre[Mode.AMPI] == at_centre[Mode.QUADRATIC]
     assert at_centre[Mode.MPI] != at_centre[Mode.AMPI]
-    assert len({final_time(m, between) for m in Mode}) == len(Mode)
+    apart = set(MODES) - {Mode.CUBIC}  # which on three points is quadratic
+    assert len({final_time(m, between) for m in apart}) == len(apart)
+    assert final_time(Mode.CUBIC, between) == final_time(Mode.QUADRATIC, between)
 
 
 def test_in_mode_keeps_everything_else(synthetic: Guidance) -> None:

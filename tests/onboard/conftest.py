@@ -30,14 +30,17 @@ def synthetic_table(
     fraction = np.linspace(0.0, 1.0, 31)
     fixed = np.concatenate([np.linspace(0.0, 20.0, 11)[:-1], 20.0 * (1.0 - fraction)])
     free = np.concatenate([np.zeros(10), fraction])
+    rows = len(LINEAR_TRACKING)
+    values = rng.standard_normal((*shape, rows, MESH.n_nodes))
     return GuidanceTable(
         axes=axes,
-        values=rng.standard_normal((*shape, len(LINEAR_TRACKING), MESH.n_nodes)),
+        values=values,
         final_time=rng.uniform(90.0, 110.0, shape),
         segments=segments_of(MESH),
         conversion=np.ascontiguousarray(MESH.conversion(fixed + free * 100.0, 100.0).T),
         high_density_time=(fixed, free),
         centre=centre or tuple(n // 2 for n in shape),
+        sensitivities=rng.standard_normal((*shape, len(shape), rows * MESH.n_nodes + 1)),
     )
 
 

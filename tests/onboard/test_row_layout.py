@@ -53,7 +53,7 @@ def test_rows_are_stacked_where_the_layout_says_that_they_are() -> None:
 def test_a_table_may_hold_more_rows(table: GuidanceTable) -> None:
     layout = RowLayout((*ROWS, Row("drag", "m/s²", RowKind.LOAD)))
     wider = np.concatenate([table.values, table.values[..., :1, :]], axis=-2)
-    held = replace(table, values=wider, layout=layout)
+    held = replace(table, values=wider, layout=layout, sensitivities=None)
     assert held.corners().layout is held.nominal().layout is layout
     assert layout.of(RowKind.LOAD) == slice(len(ROWS), len(ROWS) + 1)
     with pytest.raises(ValueError, match=r"values has shape .*, expected"):

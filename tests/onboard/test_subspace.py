@@ -1,4 +1,4 @@
-"""Algorithm 1, written out from Table 3 of Sagliano et al. 2016, against `select_subspace`."""
+"""Algorithm 1, written out from Table 3 of Sagliano et al. 2016, against ours; weights on an axis."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from ampi.onboard.subspace import select_subspace
+from ampi.onboard.subspace import located, point_weights
 
 Array = NDArray[np.float64]
 
@@ -48,9 +48,11 @@ def table_3(p: Array, x: float) -> list[int]:
     return [int(j) + 1 for j in np.flatnonzero(delta != 0)]
 
 
-def selected(axis: Array, x: float, order: int, width: int = 3) -> tuple[int, bool, Array]:
-    weights = np.full(width, np.nan)
-    first, clipped = select_subspace(axis, x, order, weights)
+def selected(axis: Array, x: float, order: int, width: int = 4) -> tuple[int, bool, Array]:
+    points, weights = axis.tolist(), np.zeros(width)
+    inside, below, clipped = located(points, x)
+    k = min(order, len(points))
+    first = point_weights(points, inside, below, k, weights[:k])
     return first, clipped, weights
 
 
@@ -77,11 +79,11 @@ def test_algorithm_1_outside_selects_the_same_cell_and_its_boundary_trajectory(
     first, clipped, weights = selected(axis, x, 2)
     assert [first + 1] == table_3(axis, x)
     assert clipped
-    assert weights.tolist() == ([0.0, 1.0, 0.0] if above else [1.0, 0.0, 0.0])
+    assert weights.tolist() == ([0.0, 1.0, 0.0, 0.0] if above else [1.0, 0.0, 0.0, 0.0])
 
 
 @laws
-@given(case=axes_and_inside(), order=st.sampled_from([1, 2, 3]))
+@given(case=axes_and_inside(), order=st.sampled_from([1, 2, 3, 4]))
 def test_weights_are_a_partition_of_unity_and_reproduce_the_parameter(
     case: tuple[Array, float], order: int
 ) -> None:
@@ -97,59 +99,71 @@ def test_weights_are_a_partition_of_unity_and_reproduce_the_parameter(
 
 
 @laws
-@given(case=axes_and_inside(least=3), coefficients=st.tuples(*[st.floats(-5.0, 5.0)] * 3))
-def test_order_3_reproduces_quadratics(
-    case: tuple[Array, float], coefficients: tuple[float, float, float]
+@given(
+    case=axes_and_inside(least=4),
+    order=st.sampled_from([3, 4]),
+    coefficients=st.tuples(*[st.floats(-5.0, 5.0)] * 4),
+)
+def test_order_k_reproduces_polynomials_of_degree_k_minus_1(
+    case: tuple[Array, float], order: int, coefficients: tuple[float, float, float, float]
 ) -> None:
     axis, x = case
-    first, clipped, weights = selected(axis, x, 3)
-    span = float(axis[first + 2] - axis[first])
-    local = (axis[first : first + 3] - x) / span  # the quadratic is centred on the parameter
-    values = np.polyval(coefficients, local)
+    first, clipped, weights = selected(axis, x, order, order)
+    span = float(axis[first + order - 1] - axis[first])
+    local = (axis[first : first + order] - x) / span  # centred on the parameter
+    values = np.polyval(coefficients[4 - order :], local)
     size = float((np.abs(weights) * np.abs(values)).sum()) + 1.0
-    assert weights @ values == pytest.approx(coefficients[2], abs=1e-9 * size)
+    assert weights @ values == pytest.approx(coefficients[3], abs=1e-9 * size)
     assert not clipped
 
 
 @laws
-@given(n=st.integers(3, 9), start=st.integers(-50, 50), step=st.integers(1, 20), share=fractions)
-def test_order_3_takes_the_three_nearest_points_of_a_uniform_axis(
-    n: int, start: int, step: int, share: float
-) -> None:
-    axis = start + step * np.arange(n, dtype=float)
-    x = float(axis[0] + share * (axis[-1] - axis[0]))
-    first, _, _ = selected(axis, x, 3)
-    distance = np.abs(axis - x)
-    taken = np.zeros(n, dtype=bool)
-    taken[first : first + 3] = True
-    # ties may go either way
-    assert distance[taken].max() <= distance[~taken].min(initial=np.inf) + 1e-9 * step
+@given(case=axes_and_inside())
+def test_order_1_takes_the_nearer_point(case: tuple[Array, float]) -> None:
+    axis, x = case
+    first, _, weights = selected(axis, x, 1)
+    assert abs(axis[first] - x) == np.abs(axis - x).min()
+    assert weights.tolist() == [1.0, 0.0, 0.0, 0.0]
 
 
 @laws
-@given(axis=axes(), order=st.sampled_from([1, 2, 3]), share=fractions)
+@given(case=axes_and_inside(least=3), order=st.sampled_from([2, 3, 4]))
+def test_the_subspace_is_of_the_cell_not_of_the_place_in_it(
+    case: tuple[Array, float], order: int
+) -> None:
+    """Pieces meet at points of the axis alone, where both have the value there: continuous."""
+    axis, x = case
+    n, k = len(axis), min(order, len(axis))
+    first, _, _ = selected(axis, x, order)
+    cell = min(int(np.searchsorted(axis, x, side="right")) - 1, n - 2)
+    assert first <= cell <= first + k - 2
+    centred = {2: cell, 3: 2 * (cell // 2), 4: max(cell - 1, 0)}[order]
+    assert first == min(centred, n - k)
+
+
+@laws
+@given(axis=axes(), order=st.sampled_from([1, 2, 3, 4]), share=fractions)
 def test_a_vertex_has_weight_one_at_itself(axis: Array, order: int, share: float) -> None:
     j = min(int(share * len(axis)), len(axis) - 1)
     first, clipped, weights = selected(axis, float(axis[j]), order)
-    if order > 1:
-        expected = np.zeros(3)
-        expected[j - first] = 1.0
-        assert weights == pytest.approx(expected, abs=0.0)
-        assert not clipped
+    expected = np.zeros(4)
+    expected[j - first] = 1.0
+    assert weights.tolist() == expected.tolist()
+    assert not clipped
 
 
 @laws
-@given(axis=axes(), order=st.sampled_from([1, 2, 3]))
+@given(axis=axes(), order=st.sampled_from([1, 2, 3, 4]))
 def test_not_a_number_falls_back_to_the_middle_and_is_flagged(axis: Array, order: int) -> None:
     first, clipped, weights = selected(axis, math.nan, order)
     assert clipped
-    if order > 1:
-        at = float(weights[: min(order, len(axis))] @ axis[first : first + min(order, len(axis))])
-        middle = float(axis[len(axis) // 2])
-        assert at == pytest.approx(middle, rel=1e-15, abs=0.0)
+    k = min(order, len(axis))
+    at = float(weights[:k] @ axis[first : first + k])
+    middle = float(axis[len(axis) // 2])
+    assert at == pytest.approx(middle, rel=1e-15, abs=0.0)
 
 
-@pytest.mark.parametrize("order", [2, 3])
+@pytest.mark.parametrize("order", [1, 2, 3, 4])
 @pytest.mark.parametrize(("x", "value"), [(math.inf, 4.0), (-math.inf, -1.0)])
 def test_infinity_falls_back_to_the_boundary_and_is_flagged(
     order: int, x: float, value: float
@@ -166,11 +180,11 @@ def test_infinity_falls_back_to_the_boundary_and_is_flagged(
 @pytest.mark.parametrize(
     ("x", "order", "first", "weights"),
     [
-        (0.25, 2, 0, [0.75, 0.25, 0.0]),
-        (1.0, 2, 1, [1.0, 0.0, 0.0]),
-        (2.0, 2, 1, [0.0, 1.0, 0.0]),
-        (1.75, 2, 1, [0.25, 0.75, 0.0]),
-        (0.5, 3, 0, [0.375, 0.75, -0.125]),
+        (0.25, 2, 0, [0.75, 0.25, 0.0, 0.0]),
+        (1.0, 2, 1, [1.0, 0.0, 0.0, 0.0]),
+        (2.0, 2, 1, [0.0, 1.0, 0.0, 0.0]),
+        (1.75, 2, 1, [0.25, 0.75, 0.0, 0.0]),
+        (0.5, 3, 0, [0.375, 0.75, -0.125, 0.0]),
     ],
 )
 def test_three_points(x: float, order: int, first: int, weights: list[float]) -> None:
@@ -178,28 +192,14 @@ def test_three_points(x: float, order: int, first: int, weights: list[float]) ->
     assert (found, clipped, got.tolist()) == (first, False, weights)
 
 
-@pytest.mark.parametrize("order", [1, 2, 3])
+@pytest.mark.parametrize("order", [1, 2, 3, 4])
 def test_an_axis_of_one_point_has_weight_one_and_flags_everything_else(order: int) -> None:
     axis = np.array([5.0])
     for x, outside in [(5.0, False), (5.1, True), (-3.0, True), (math.nan, True)]:
         first, clipped, weights = selected(axis, x, order)
-        assert (first, clipped, weights.tolist()) == (0, outside, [1.0, 0.0, 0.0])
+        assert (first, clipped, weights.tolist()) == (0, outside, [1.0, 0.0, 0.0, 0.0])
 
 
 def test_order_3_on_two_points_is_linear() -> None:
     first, clipped, weights = selected(np.array([0.0, 4.0]), 1.0, 3)
-    assert (first, clipped, weights.tolist()) == (0, False, [0.75, 0.25, 0.0])
-
-
-@laws
-@given(case=axes_and_inside(least=3))
-def test_order_3_takes_the_cell_and_the_nearer_neighbour_of_any_axis(
-    case: tuple[Array, float],
-) -> None:
-    axis, x = case
-    first, _, _ = selected(axis, x, 3)
-    cell = min(int(np.searchsorted(axis, x, side="right")) - 1, len(axis) - 2)
-    assert first <= cell <= first + 1
-    outer = [i for i in (cell - 1, cell + 2) if 0 <= i < len(axis)]
-    third = first if first < cell else first + 2
-    assert abs(axis[third] - x) <= min(abs(axis[i] - x) for i in outer) * (1.0 + 1e-12)
+    assert (first, clipped, weights.tolist()) == (0, False, [0.75, 0.25, 0.0, 0.0])

@@ -11,7 +11,17 @@ import pytest
 GROUND = ("scipy", "casadi", "h5py", "clarabel", "cvxpy", "joblib", "pydantic", "numba")
 FLIES = ("ampi.onboard", "ampi.tracking", "ampi.guidance")
 PARTS = tuple(
-    f"onboard.{name}" for name in ("reference", "table", "row_layout", "subspace", "interpolation")
+    f"onboard.{name}"
+    for name in (
+        "reference",
+        "table",
+        "row_layout",
+        "subspace",
+        "interpolation",
+        "aerodynamic_forms",
+        "flight_model",
+        "certificate",
+    )
 )
 LAWS = (
     "tracking.bank_limiter",

@@ -41,7 +41,16 @@ from ampi.simulation.flights import Flights
 
 Array = NDArray[np.float64]
 
-_BACK_TO_FRONT = (Mode.NOMINAL, Mode.MPI, Mode.QUADRATIC, Mode.AMPI)
+_BACK_TO_FRONT = (
+    Mode.NOMINAL,
+    Mode.NEAREST,
+    Mode.MPI,
+    Mode.CUBIC,
+    Mode.HERMITE,
+    Mode.SECOND_DIFFERENCES,
+    Mode.QUADRATIC,
+    Mode.AMPI,
+)
 WINDOW_PERCENTILE = 99.0  # of the end points in the window on the target; footprints show the rest
 WIDTHS = (
     2.6,

@@ -78,7 +78,11 @@ MODE_STYLES = {
     Mode.NOMINAL: ModeStyle("#E69F00", "s", "-"),
     Mode.MPI: ModeStyle("#009E73", "^", (0.0, (6.0, 2.0))),
     Mode.AMPI: ModeStyle("#0072B2", "o", (0.0, (1.0, 1.0))),
+    Mode.NEAREST: ModeStyle("#56B4E9", "v", (0.0, (1.0, 2.5))),
     Mode.QUADRATIC: ModeStyle("#CC79A7", "D", (0.0, (3.0, 1.5))),
+    Mode.CUBIC: ModeStyle("#D55E00", "P", (0.0, (5.0, 1.0, 1.0, 1.0))),
+    Mode.SECOND_DIFFERENCES: ModeStyle("#7A5195", "X", (0.0, (4.0, 1.0))),
+    Mode.HERMITE: ModeStyle("#5B5B5B", "h", (0.0, (2.0, 1.0))),
 }
 
 

@@ -39,6 +39,10 @@ class Multipliers:
         self.target, self.limits = self.target[chosen], self.limits[chosen]
         self.side = self.side[chosen]
 
+    def copy(self) -> Multipliers:
+        """Others of the same values."""
+        return Multipliers(self.target.copy(), self.limits.copy(), self.side.copy())
+
 
 @dataclass(frozen=True, eq=False)
 class NewtonStep:
@@ -68,15 +72,14 @@ class NewtonSystem:
         """At the present points."""
         problem, condensed = points.problem, points.condensed()
         target, t = problem.target, points.transcription
-        held_map = condensed.final_map[:, target.state[target.held]]
-        compliance = np.zeros(held_map.shape[:2])
-        weight = np.broadcast_to(target.weight[..., target.held], compliance.shape)
-        np.divide(0.5, weight, out=compliance, where=weight > 0.0)
+        held_map, compliance = (
+            condensed.final_map[:, target.state[target.held]],
+            _compliance(points),
+        )
         if problem.entry_bank_rate is not None:
             row = np.zeros((len(points), 1, condensed.n_variables))
             row[:, 0, : len(t.entry_rate)] = t.entry_rate
             held_map = np.concatenate([held_map, row], axis=1)
-            compliance = np.concatenate([compliance, np.zeros((len(points), 1))], axis=1)
         rows = LimitRows.of(problem, condensed)
         curvature, hessian = _second_order(points, condensed, rows, multipliers)
         factors: list[KktFactors | None] = [None] * len(points)
@@ -86,6 +89,14 @@ class NewtonSystem:
         """The same, its Hessian weighed by other multipliers."""
         curvature, hessian = _second_order(self.points, self.condensed, self.rows, multipliers)
         return replace(self, curvature=curvature, hessian=hessian)
+
+    def with_numbers_of(self, points: Points) -> NewtonSystem:
+        """The same matrices and factors, for the residual of other problems at other points.
+
+        The curvature and the rows over z stay; bounds and weights are those of the other problems.
+        """
+        rows = LimitRows.of(points.problem, self.condensed)
+        return replace(self, points=points, rows=rows, compliance=_compliance(points))
 
     def right_side(self, shift: Array) -> tuple[Array, Array, Array]:
         """Gradient (c, n_z), errors of the rows that always hold, values of the limits' rows."""
@@ -206,6 +217,16 @@ class NewtonSystem:
             kkt = np.concatenate([kkt, self.rows.matrix(case, held)])
             compliance = np.concatenate([compliance, np.zeros(len(held))])
         return KktFactors.of(self.hessian[case], kkt, compliance)
+
+
+def _compliance(points: Points) -> Array:
+    """1/2w of the rows that always hold, zero where they hold exactly, (c, r)."""
+    problem, target = points.problem, points.problem.target
+    weight = np.broadcast_to(target.weight[..., target.held], (len(points), len(target.held)))
+    found = np.zeros((len(points), len(target.held) + int(problem.entry_bank_rate is not None)))
+    weighted = found[:, : len(target.held)]
+    np.divide(0.5, weight, out=weighted, where=weight > 0.0)
+    return found
 
 
 def _second_order(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -39,11 +39,8 @@ class Points:
         """All cases at their guesses, moved to their entry states."""
         scale, n = np.array(problem.scaling.states), problem.mesh.n_nodes
         x = np.stack([g.states.T for g in guesses], axis=1) / scale[:, None, None]
-        x[:BANK, :, 0] = np.reshape(problem.entry, (-1, BANK)).T
-        if problem.entry_bank_angle is not None:
-            x[BANK, :, 0] = problem.entry_bank_angle
         rate = np.stack([g.bank_rate[1:] for g in guesses]) / by_case(problem.bank_rate_limit)
-        return cls(
+        found = cls(
             problem=problem,
             one_by_one=one_by_one,
             x=x,
@@ -52,6 +49,23 @@ class Points:
             functions=np.zeros((problem.n_functions, len(guesses), n)),
             transcription=radau_transcription(problem.mesh),
         )
+        found.enter()
+        return found
+
+    def enter(self) -> None:
+        """Move the first node of all cases to the entry states of their problem."""
+        self.x[:BANK, :, 0] = np.reshape(self.problem.entry, (-1, BANK)).T
+        if self.problem.entry_bank_angle is not None:
+            self.x[BANK, :, 0] = self.problem.entry_bank_angle
+
+    def of_problem(self, problem: OptimalControlProblem) -> Points:
+        """A copy, moved to the entry states of another problem of as many cases."""
+        x, u, functions = self.x.copy(), self.u.copy(), np.zeros_like(self.functions)
+        found = replace(
+            self, problem=problem, x=x, u=u, final_time=self.final_time.copy(), functions=functions
+        )
+        found.enter()
+        return found
 
     def __len__(self) -> int:
         return len(self.final_time)

@@ -1,0 +1,1 @@
+"""Writers of flight code: they read the row layout and the table."""

@@ -1,0 +1,207 @@
+/* One guidance cycle: clock, look-up, plausibility, law, limiter, as ampi/guidance.py,
+   ampi/onboard/{clock,plausibility}.py and ampi/tracking/bank_limiter.py. */
+#include "ampi_parts.h"
+
+#define LONGEST 20.0  /* nominal cycles; after a longer silence the clock is doubted once */
+#define FORGOTTEN 0.1 /* of the shortest and the longest cycle, at each command */
+#define FASTEST 2.0   /* times the rate limit: said to roll faster is told in another unit */
+#define NEAR_INVERTED 2.9670597283903604 /* rad: 10 deg of overshoot are told from the other side */
+
+/* The next command is the first, whatever its time. */
+static void reset(ampi_guidance *guidance, const ampi_table *table)
+{
+    guidance->begins = 1u;
+    guidance->is_first = 1u;
+    guidance->given = guidance->now = guidance->interval = (double)NAN;
+    guidance->longest = guidance->expected = table->set.cycle;
+    guidance->shortest = (table->n.is_cycle_stated != 0u) ? table->set.cycle : AMPI_SHORTEST;
+}
+
+/* Nothing has been commanded yet. */
+static void forget(ampi_guidance *guidance)
+{
+    guidance->rate = guidance->bank = (double)NAN;
+    guidance->angle = 0.0;
+    (void)memset(guidance->memory, 0, sizeof guidance->memory);
+}
+
+/* What flies from now on is guidance->reference, of the vehicle of these parameters. */
+static void take_up(ampi_guidance *guidance, const ampi_table *table, const double *parameters)
+{
+    size_t i;
+    if (table->n.law != AMPI_LINEAR_QUADRATIC) {
+        ampi_along(table, &guidance->reference, guidance->along);
+    }
+    for (i = 0u; i < 3u; i++) {
+        const size_t axis = table->n.limit_axis[i];
+        guidance->limit[i] = table->set.limit[i];
+        if ((axis < table->n.axes) && (parameters != NULL)) {
+            const double told = parameters[axis]; /* one that is no positive number is nominal */
+            const bool is_used = (told > 0.0) && (told < AMPI_SANE);
+            guidance->limit[i] = is_used ? least(told, table->axis[axis].high) : table->set.limit[i];
+        }
+    }
+    guidance->begins = 1u;
+}
+
+void ampi_guidance_begin(ampi_guidance *guidance, const ampi_table *table, const double *parameters)
+{
+    size_t i;
+    forget(guidance);
+    reset(guidance, table);
+    for (i = 0u; i < AMPI_MAX_ROWS; i++) {
+        guidance->row[i] = (double)NAN;
+    }
+    ampi_reference_at(table, parameters, &guidance->reference);
+    guidance->is_begun = table->is_open;
+    if (table->is_open == AMPI_OPEN) {
+        take_up(guidance, table, parameters);
+    }
+}
+
+void ampi_guidance_follow(ampi_guidance *guidance, const ampi_table *table,
+                          const ampi_reference *reference, const double *parameters)
+{
+    if ((table->is_open == AMPI_OPEN) && (guidance->is_begun == AMPI_OPEN)
+        && (reference->checksum == table->checksum)) {
+        guidance->reference = *reference;
+        take_up(guidance, table, parameters);
+    }
+}
+
+/* Takes the time of this command, and how long the command may stand; whether time goes on. */
+static bool advance(ampi_guidance *guidance, const ampi_table *table, double time)
+{
+    const double step = time - guidance->given;
+    bool goes_on = (AMPI_SHORTEST <= step) && (step <= (LONGEST * table->set.cycle));
+
+    guidance->is_first = 0u;
+    if (goes_on) {
+        const bool is_known = guidance->interval > 0.0; /* else this is the first */
+        const double before = is_known ? guidance->interval : step;
+        const double low = least(step, before), high = most(step, before);
+        const double shortest = is_known ? guidance->shortest : step;
+        const double longest = is_known ? guidance->longest : step;
+        /* of two, lest a silence counts as a cycle; both bounds forget slowly */
+        guidance->shortest = least(low, shortest + FORGOTTEN * (low - shortest));
+        guidance->longest = most(high, longest + FORGOTTEN * (high - longest));
+        guidance->expected = low;
+        guidance->interval = step;
+        guidance->now = time;
+    } else if ((guidance->begins != 0u) && (fabs(time) < AMPI_SANE)) {
+        reset(guidance, table);
+        guidance->now = time;
+        guidance->interval = (table->n.is_cycle_stated != 0u) ? table->set.cycle : (double)NAN;
+        goes_on = true;
+    } else {
+        guidance->now += (guidance->interval > 0.0) ? guidance->interval : table->set.cycle;
+    }
+    guidance->begins = goes_on ? 0u : guidance->begins;
+    guidance->given = (fabs(time) < AMPI_SANE) ? time : guidance->given;
+    return goes_on;
+}
+
+/* Whether the table flies such states; longitude and azimuth may be on another turn. */
+static bool is_plausible(const ampi_table *table, const double *state)
+{
+    size_t i, within = 0u;
+    for (i = 0u; i < AMPI_N_STATES; i++) {
+        const double error = state[i] - table->set.middle[i], turned = on_turn_of(error, 0.0);
+        const double size = fabs(((i == LONGITUDE) || (i == AZIMUTH)) ? turned : error);
+        within += (size <= table->set.reach[i]) ? 1u : 0u;
+    }
+    return within == AMPI_N_STATES;
+}
+
+/* The bank angle on its turn; one that is lost is that of the last command. */
+static double bank_angle(const ampi_guidance *guidance, const ampi_table *table, double told)
+{
+    const double reference = guidance->row[BANK];
+    const double last = (guidance->bank != guidance->bank) ? reference : guidance->bank;
+    const double bank = (fabs(told) <= table->set.reach[BANK]) ? told : last;
+    const double near = most(guidance->limit[0] - NEAR_INVERTED, 0.0);
+    return bank - AMPI_TURN * rint((bank - clipped(reference, -near, near)) / AMPI_TURN);
+}
+
+/* Greatest rate that stops within `room`, braking by a c in each cycle c; a rate back if none does. */
+static double stopping_rate(double room, double a, double cycle)
+{
+    const double cycles = most(room, 0.0) / (a * (cycle * cycle));
+    const double k = floor(0.5 * (sqrt(1.0 + 8.0 * cycles) - 1.0));
+    const double stopping = a * cycle * (k + (cycles - 0.5 * k * (k + 1.0)) / (k + 1.0));
+    return stopping + 2.0 * least(room, 0.0) / cycle; /* one of the two is 0 */
+}
+
+/* The rate at the end of this cycle, within the limits of angle, rate and acceleration. */
+static double limited_rate(const ampi_guidance *guidance, double bank, double rate, double command)
+{
+    const double cycle = guidance->longest, fastest = guidance->limit[1];
+    const double a = guidance->limit[2] * (guidance->shortest / cycle), change = a * cycle;
+    const double ahead = bank + 0.5 * rate * cycle;
+    const double up = stopping_rate(guidance->limit[0] - ahead, a, cycle);
+    const double down = stopping_rate(guidance->limit[0] + ahead, a, cycle);
+    const double wanted = clipped(clipped(command, -down, up), -fastest, fastest);
+    return clipped(wanted, rate - change, rate + change);
+}
+
+ampi_command ampi_guidance_step(ampi_guidance *guidance, const ampi_table *table, double time,
+                                const double navigation[AMPI_N_NAVIGATED], const double *sensed)
+{
+    ampi_command command = {0.0, 0.0, 0.0, AMPI_HELD, AMPI_NOT_BEGUN};
+    double told[AMPI_N_NAVIGATED], state[AMPI_N_STATES], felt[3], bank, rate, own, wanted, angle, last;
+    bool is_in_time, is_ended, is_lost, is_state, is_rate, is_known = true;
+    size_t i;
+
+    if ((table->is_open != AMPI_OPEN) || (guidance->is_begun != AMPI_OPEN)
+        || (guidance->reference.checksum != table->checksum)) {
+        return command;
+    }
+    for (i = 0u; i < AMPI_N_NAVIGATED; i++) {
+        told[i] = (navigation != NULL) ? navigation[i] : (double)NAN;
+        is_known = is_known && (fabs(told[i]) < AMPI_SANE);
+    }
+    for (i = 0u; i < 3u; i++) {
+        felt[i] = (sensed != NULL) ? sensed[i] : (double)NAN;
+    }
+    is_in_time = advance(guidance, table, time);
+    if (guidance->is_first != 0u) {
+        forget(guidance);
+    }
+    ampi_row_at(table, &guidance->reference,
+                ampi_instant(guidance, table, told, felt, &is_ended, &is_lost), guidance->row);
+    own = guidance->row[BANK_RATE];
+    bank = bank_angle(guidance, table, told[BANK]);
+    is_state = is_plausible(table, told);
+    is_rate = fabs(told[BANK_RATE]) <= (FASTEST * guidance->limit[1]);
+    for (i = 0u; i < AMPI_N_STATES; i++) {
+        state[i] = is_state ? told[i] : guidance->row[i]; /* for the law's memory */
+    }
+    state[BANK] = bank;
+    wanted = ampi_law_command(guidance, table, state, felt, &angle);
+    wanted = is_state ? wanted : own;
+    angle = is_state ? angle : guidance->angle;
+
+    command.health = guidance->reference.health;
+    if (!(is_state && is_rate)) {
+        command.health = is_known ? AMPI_IMPLAUSIBLE_NAVIGATION : AMPI_BAD_NAVIGATION;
+    }
+    command.health = is_in_time ? command.health : AMPI_BAD_TIME;
+    command.health = is_ended ? AMPI_AFTER_FINAL_TIME : command.health;
+    command.steering = is_state ? AMPI_TRACKED : AMPI_REFERENCE;
+    if (is_ended || is_lost) {
+        wanted = 0.0;
+        command.steering = AMPI_HELD;
+    }
+    /* The limits are of commands: from the measured rate, behind a lag of half a second at 10 Hz, they
+       would leave a fifth of the acceleration, and the bank angle would overshoot by 19 deg. */
+    last = (guidance->rate != guidance->rate) ? own : guidance->rate;
+    rate = is_rate ? told[BANK_RATE] : last;
+    last = (guidance->rate != guidance->rate) ? rate : guidance->rate;
+    guidance->rate = limited_rate(guidance, bank, last, wanted);
+    guidance->bank = bank + 0.5 * (rate + guidance->rate) * guidance->expected;
+    guidance->angle = angle;
+    command.bank_rate = guidance->rate;
+    command.bank_angle = guidance->bank;
+    command.angle_of_attack = guidance->angle;
+    return command;
+}
