@@ -89,13 +89,13 @@ static void guidance_dealloc(PyObject *object) {
 static PyObject *begin(PyObject *object, PyObject *parameters) {
     GuidanceObject *const self = (GuidanceObject *)object;
     Py_buffer told;
-    if (ampi_doubles(parameters, "parameters", self->n * self->table->n_axes, 0, &told) != 0) {
+    if (ampi_doubles(parameters, "parameters", self->n * self->table->n.axes, 0, &told) != 0) {
         return NULL;
     }
     Py_BEGIN_ALLOW_THREADS
     for (size_t i = 0; i < self->n; i++) {
         ampi_guidance_begin(&self->guidance[i], self->table,
-                            (const double *)told.buf + i * self->table->n_axes);
+                            (const double *)told.buf + i * self->table->n.axes);
     }
     Py_END_ALLOW_THREADS
     PyBuffer_Release(&told);
@@ -105,13 +105,13 @@ static PyObject *begin(PyObject *object, PyObject *parameters) {
 static PyObject *follow(PyObject *object, PyObject *parameters) {
     GuidanceObject *const self = (GuidanceObject *)object;
     Py_buffer told;
-    if (ampi_doubles(parameters, "parameters", self->n * self->table->n_axes, 0, &told) != 0) {
+    if (ampi_doubles(parameters, "parameters", self->n * self->table->n.axes, 0, &told) != 0) {
         return NULL;
     }
     ampi_reference *const reference = malloc(sizeof(ampi_reference));
     if (reference != NULL) {
         for (size_t i = 0; i < self->n; i++) {
-            const double *const own = (const double *)told.buf + i * self->table->n_axes;
+            const double *const own = (const double *)told.buf + i * self->table->n.axes;
             ampi_reference_at(self->table, own, reference);
             ampi_guidance_follow(&self->guidance[i], self->table, reference, own);
         }
@@ -142,7 +142,7 @@ static void step_all(GuidanceObject *self, double time, const double *navigation
         commands[2u * n + i] = command.angle_of_attack;
         commands[3u * n + i] = (double)command.steering;
         commands[4u * n + i] = (double)command.health;
-        for (size_t row = 0; row < self->table->n_rows; row++) {
+        for (size_t row = 0; row < self->table->n.rows; row++) {
             rows[row * n + i] = self->guidance[i].row[row];
         }
     }
@@ -165,7 +165,7 @@ static PyObject *step(PyObject *object, PyObject *const *arguments, Py_ssize_t c
     const int feels = arguments[2] != Py_None;
     if (!feels || ampi_doubles(arguments[2], "sensed", 3u * self->n, 0, &sensed) == 0) {
         if (ampi_doubles(arguments[3], "commands", COMMAND_ROWS * self->n, 1, &commands) == 0) {
-            if (ampi_doubles(arguments[4], "rows", self->table->n_rows * self->n, 1, &rows) == 0) {
+            if (ampi_doubles(arguments[4], "rows", self->table->n.rows * self->n, 1, &rows) == 0) {
                 step_all(self, time, navigation.buf, feels ? sensed.buf : NULL, commands.buf,
                          rows.buf);
                 PyBuffer_Release(&rows);
@@ -192,7 +192,7 @@ static PyObject *flown(PyObject *object, PyObject *array) {
     for (size_t i = 0; i < self->n; i++) {
         const ampi_reference *const own = &self->guidance[i].reference;
         uint32_t clipped = 0;
-        for (size_t axis = 0; axis < self->table->n_axes; axis++) {
+        for (size_t axis = 0; axis < self->table->n.axes; axis++) {
             clipped |= own->clipped[axis];
         }
         out[i] = own->final_time;
@@ -211,12 +211,12 @@ static PyObject *reference(PyObject *object, PyObject *arguments) {
     PyObject *p, *low, *times, *rows, *answer = NULL;
     Py_buffer told, nodal, when, high;
     if (!PyArg_ParseTuple(arguments, "OOOO", &p, &low, &times, &rows) ||
-        ampi_doubles(p, "parameters", table->n_axes, 0, &told) != 0) {
+        ampi_doubles(p, "parameters", table->n.axes, 0, &told) != 0) {
         return NULL;
     }
-    if (ampi_doubles(low, "low", table->n_rows * table->n_nodes + 1u, 1, &nodal) == 0) {
-        if (ampi_doubles(times, "times", table->n_points, 1, &when) == 0) {
-            if (ampi_doubles(rows, "rows", table->n_rows * table->n_points, 1, &high) == 0) {
+    if (ampi_doubles(low, "low", table->n.rows * table->n.nodes + 1u, 1, &nodal) == 0) {
+        if (ampi_doubles(times, "times", table->n.points, 1, &when) == 0) {
+            if (ampi_doubles(rows, "rows", table->n.rows * table->n.points, 1, &high) == 0) {
                 ampi_reference own;
                 ampi_reference_at(table, told.buf, &own);
                 memcpy(nodal.buf, own.rows, (size_t)nodal.len);
