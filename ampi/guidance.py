@@ -17,12 +17,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ampi.onboard.certificate import Certificate, Certifier
 from ampi.onboard.clock import SHORTEST, CycleClock
 from ampi.onboard.flown_references import FlownReferences
 from ampi.onboard.health import Health, Steering
 from ampi.onboard.plausibility import BANK, SANE, number, rows, vectors
 from ampi.onboard.reference import Mode, Reference, ReferenceGenerator
 from ampi.onboard.row_layout import N_STATES
+from ampi.onboard.subspace import Order
 from ampi.onboard.table import GuidanceTable
 from ampi.tracking.bank_limiter import NEAR_INVERTED, BankLimits, bank_on_turn, limited_rate
 from ampi.tracking.law import Told, TrackingLaw
@@ -56,7 +58,8 @@ class Guidance:
     It measures its cycle from the times that it is given (`ampi.onboard.clock`): `reset`, or the first
     command after a new reference whose time does not go on, begins a flight. `cycle` (s) is the nominal
     one, that of the first command. Where it is not stated the first command changes next to nothing, for
-    nobody knows yet how long it will stand.
+    nobody knows yet how long it will stand. `orders` are those of interpolation on each axis, where
+    not all are the mode's.
     """
 
     def __init__(
@@ -69,6 +72,8 @@ class Guidance:
         cycle: float | None = None,
         limit_axes: Mapping[str, int] | None = None,
         mission_sha256: str | None = None,
+        orders: Sequence[Order] | None = None,
+        certifier: Certifier | None = None,
         engine: str = "auto",
     ) -> None:
         self.table, self.limits, self.mode = table, limits, Mode(mode)
@@ -77,7 +82,9 @@ class Guidance:
         _check(table, limits, cycle, self.limit_axes, self.law)
         self.mission_sha256 = mission_sha256  # of the database's mission; None if made by hand
         self.engine = _engine(engine, self.law)
-        self._generator = ReferenceGenerator(table, self.mode)
+        self.orders = None if orders is None else tuple(orders)
+        self.certifier = certifier  # None: nothing is known on board of vehicle and air
+        self._generator = ReferenceGenerator(table, self.mode, self.orders)
         self._clock = CycleClock(cycle)
         self._allocate(1)
 
@@ -126,6 +133,8 @@ class Guidance:
             "cycle": self._clock.stated,
             "limit_axes": self.limit_axes,
             "mission_sha256": self.mission_sha256,
+            "orders": self.orders,
+            "certifier": self.certifier,
             "engine": self.engine,
             **changes,
         }
@@ -164,6 +173,21 @@ class Guidance:
         """
         self._clock.expect_begin()
         return self._generator.reference(parameters)
+
+    def certificate(self, reference: Reference) -> Certificate:
+        """Defect, predicted miss, margins and verdict of a reference, before it is flown.
+
+        Raises
+        ------
+        ValueError
+            If the guidance has no certifier.
+        """
+        if self.certifier is None:
+            raise ValueError(
+                "certificate: expected a guidance with a model of vehicle and air, got one without; "
+                "ampi.onboard_model.certifier_of(mission, segments) says what it cannot hold"
+            )
+        return self.certifier.certificate(reference)
 
     def begin(self, parameters: ArrayLike) -> None:
         """Begin the flight of p (d,), or n flights of p (n, d), on references of their own.

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Literal, get_args
 
@@ -12,10 +12,13 @@ from numpy.typing import NDArray
 from ampi.dataset import DatasetError, TrajectoryDataset, read_dataset
 from ampi.guidance import Guidance
 from ampi.missions.mission import Mission
-from ampi.onboard.reference import Mode
+from ampi.onboard.certificate import Certifier
+from ampi.onboard.reference import Mode, order_of
 from ampi.onboard.row_layout import RowKind, RowLayout
 from ampi.onboard.segments import Segments
+from ampi.onboard.subspace import Order
 from ampi.onboard.table import GuidanceTable, nearest_solved
+from ampi.onboard_model import certifier_of
 from ampi.pseudospectral.mesh import Mesh
 from ampi.table_sensitivities import loads, table_sensitivities
 from ampi.tracking.bank_limiter import BankLimits
@@ -151,6 +154,8 @@ def load_guidance(
     holes: Holes = "refuse",
     cycle: float | None = None,
     law: TrackingLaw | str = "linear_quadratic",
+    orders: Mapping[str, Order | str] | None = None,
+    engine: str = "auto",
 ) -> Guidance:
     """Guidance from a database file, checked: schema version, checksums, completeness.
 
@@ -169,13 +174,26 @@ def load_guidance(
     law
         What tracks the reference: "linear_quadratic" (default), "drag_sliding_mode" or "drag_shuttle",
         with the gains that they come with; or a law with gains of one's own.
+    orders
+        Orders of interpolation by the names of parameters, {"speed": "quadratic"}; all others are
+        the mode's.
+    engine
+        What computes: "native", "numpy", or "auto", native where it is built.
 
     Raises
     ------
     DatasetError
         If the file cannot be trusted; the message says why and what to do.
     """
-    return guidance_of(read_dataset(path), mode=mode, holes=holes, cycle=cycle, law=law)
+    return guidance_of(
+        read_dataset(path),
+        mode=mode,
+        holes=holes,
+        cycle=cycle,
+        law=law,
+        orders=orders,
+        engine=engine,
+    )
 
 
 def guidance_of(
@@ -185,12 +203,15 @@ def guidance_of(
     holes: Holes = "refuse",
     cycle: float | None = None,
     law: TrackingLaw | str = "linear_quadratic",
+    orders: Mapping[str, Order | str] | None = None,
+    engine: str = "auto",
 ) -> Guidance:
     """The same from a database that has been read."""
     limits, names = dataset.mission.limits, dataset.names
     tracker = law_of(law, dataset.mission)
+    table = guidance_table(dataset, holes, tracker)
     return Guidance(
-        guidance_table(dataset, holes, tracker),
+        table,
         BankLimits(limits.bank_angle, limits.bank_rate, limits.bank_acceleration),
         mode,
         law=tracker,
@@ -201,4 +222,28 @@ def guidance_of(
             if f"limits.bank_{limit}" in names
         },
         mission_sha256=dataset.mission.digest,
+        orders=_orders(names, Mode(mode), orders),
+        certifier=_certifier(dataset.mission, table),
+        engine=engine,
     )
+
+
+def _orders(
+    names: Sequence[str], mode: Mode, given: Mapping[str, Order | str] | None
+) -> tuple[Order, ...] | None:
+    if given is None:
+        return None
+    for name in given:
+        if name not in names:
+            raise ValueError(
+                f"orders: expected parameters of the database ({', '.join(names)}), got {name!r}"
+            )
+    return tuple(Order(given.get(name, order_of(mode))) for name in names)
+
+
+def _certifier(mission: Mission, table: GuidanceTable) -> Certifier | None:
+    """None where the grid moves what the model on board holds fixed."""
+    try:
+        return certifier_of(mission, table.segments)
+    except ValueError:
+        return None

@@ -51,6 +51,13 @@ _ORDER = {
     Mode.SECOND_DIFFERENCES: Order.SECOND_DIFFERENCES,
     Mode.HERMITE: Order.HERMITE,
 }
+
+
+def order_of(mode: Mode) -> Order:
+    """That of every axis, where none is given."""
+    return _ORDER[mode]
+
+
 FAR = 0.2  # of an axis' range: further outside, the boundary trajectory is not near
 # of the greatest number on an axis: its edge in another unit differs in the last digits, and is inside
 ROUNDING = 16.0 * float(np.finfo(float).eps)

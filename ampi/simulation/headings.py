@@ -51,10 +51,11 @@ def attributes_of(
 def digest_of(guidance: Guidance) -> str:
     """SHA-256 of what flies in any mode and at any cycle: table, limits and law."""
     table = guidance.table
-    words = (guidance.law, guidance.limits, guidance.limit_axes, table.centre, table.circular)
+    shape = (table.centre, table.circular, guidance.orders)
+    words = (guidance.law, guidance.limits, guidance.limit_axes, shape)
     arrays = (*table.axes, table.values, table.final_time, table.conversion)
     found = hashlib.sha256(repr(words).encode())
-    for array in (*arrays, *table.high_density_time, table.solved):
+    for array in (*arrays, *table.high_density_time, table.solved, table.sensitivities):
         if array is not None:
             found.update(np.ascontiguousarray(array).tobytes())
     return found.hexdigest()
