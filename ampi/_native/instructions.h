@@ -20,7 +20,7 @@
     AMPI_COMMUTATIVE(X, min) AMPI_COMMUTATIVE(X, max) \
     AMPI_BINARY(X, lt) AMPI_BINARY(X, le) AMPI_COMMUTATIVE(X, eq) AMPI_COMMUTATIVE(X, ne) \
     X(pow_vv) X(pow_vs) X(atan2_vv) \
-    X(neg_v) X(abs_v) X(sqrt_v) X(sign_v) X(floor_v) X(not_v) X(exp_v) X(log_v) X(tan_v) \
+    X(neg_v) X(abs_v) X(sqrt_v) X(sign_v) X(floor_v) X(exp_v) X(log_v) X(tan_v) \
     X(asin_v) X(acos_v) X(atan_v) X(tanh_v)
 
 #define AMPI_ENUMERATED(name) AMPI_OP_##name,

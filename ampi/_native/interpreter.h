@@ -83,7 +83,6 @@ UNARY(abs, fabs(x))
 UNARY(sqrt, sqrt(x))
 UNARY(sign, x > 0.0 ? 1.0 : x < 0.0 ? -1.0 : x)
 UNARY(floor, floor(x))
-UNARY(not, x == 0.0 ? 1.0 : 0.0)
 UNARY(exp, exp(x))
 /* rare ones: the C library's, lane by lane */
 COMMUTATIVE(pow, lane_pow(x, y))

@@ -1,8 +1,8 @@
 """The closed loop in the compiled engine: what `closed_loop.fly_batch` does, in C.
 
-The engine flies `LANES` flights abreast, each as if it were alone. Python prepares the entries, draws the
-noise of the sensors, a block of samples at a time, and reads the records. Between two blocks it can be
-interrupted.
+The engine flies `LANES` flights abreast, each as if it were alone. Python prepares the entries, draws
+the noise of the sensors, a block of samples at a time, and reads the records. Between two blocks it can
+be interrupted.
 """
 
 from __future__ import annotations
@@ -65,7 +65,10 @@ class _Loops:
         instruction_set: str,
     ) -> None:
         self.guidance, self.truth = guidance, truth
-        self.rhythm, self.entries = Rhythm.of(guidance.cycle, every), Entries.of(family, guidance, truth)
+        self.rhythm, self.entries = (
+            Rhythm.of(guidance.cycle, every),
+            Entries.of(family, guidance, truth),
+        )
         self.code = core().Guidance(_table(guidance), len(truth))
         self.code.begin(np.ascontiguousarray(self.entries.parameters))
         lanes = core().LANES
@@ -112,7 +115,10 @@ class _Loops:
     ) -> Iterator[int]:
         """Every block by so many cycles, with its noise; how many it has flown before its end."""
         for own, loop in zip(self.blocks, self.loops, strict=True):
-            noise = None if normal is None else normal[own], None if uniform is None else uniform[own]
+            noise = (
+                None if normal is None else normal[own],
+                None if uniform is None else uniform[own],
+            )
             room = np.full((*rows.shape[:2], own.stop - own.start), np.nan)
             yield loop.fly(cycles, *noise, room)
             rows[:, :, own] = room
@@ -169,7 +175,7 @@ class _Loops:
             saturation=result["saturated"][0] / np.maximum(result["cycles"][0], 1),
             activity=result["activity"][0],
             rebound=result["rebound"][0],
-            times=np.arange(0, cycles, self.rhythm.stride) * self.rhythm.cycle,
+            times=np.arange(0, cycles, self.rhythm.stride, dtype=float) * self.rhythm.cycle,
             states=np.ascontiguousarray(records[:, STATES].T),
             reference_states=np.ascontiguousarray(records[:, REFERENCE].T),
             bank_rate=np.ascontiguousarray(records[:, BANK_RATE].T),
@@ -192,15 +198,16 @@ class _Loops:
 @lru_cache(maxsize=4)
 def _table(guidance: Guidance) -> Any:
     """The table of a guidance as the flight code opens it: checked once."""
-    stated = guidance._settings()["cycle"]
+    orders, (shortest, _) = guidance.orders, guidance.first_cycle  # which tells a stated cycle
     return core().Table(
         table_blob(
             guidance.table,
             guidance.law,
             guidance.limits,
             mode=guidance.mode,
+            orders=None if orders is None else tuple(order.value for order in orders),
             limit_axes=guidance.limit_axes,
-            cycle=stated,
+            cycle=None if shortest < guidance.cycle else guidance.cycle,
         )
     )
 

@@ -85,12 +85,13 @@ def _without_profiles(model: FlightModel) -> tuple[FlightModel, Profiles | None,
     """The model with stand-ins for its profiles; those of the density and of the wind."""
     density = wind = None
     atmosphere: Any = model.atmosphere
+    looked_up: Any = LookedUp()
     if isinstance(atmosphere, TrueAtmosphere) and atmosphere.profile is not None:
         density = atmosphere.profile
-        model = replace(model, atmosphere=replace(atmosphere, profile=LookedUp()))
+        model = replace(model, atmosphere=replace(atmosphere, profile=looked_up))
     if isinstance(model.wind, TrueWind):
         wind = model.wind.profile
-        model = replace(model, wind=replace(model.wind, profile=LookedUp()))
+        model = replace(model, wind=replace(model.wind, profile=looked_up))
     return model, density, wind
 
 

@@ -25,7 +25,6 @@ Array = NDArray[np.float64]
 SHARED, FLIGHT, MOMENT = range(3)  # what a value depends on at the most
 NOWHERE = 0xFFFF
 FILL = "fill"  # a place with a scalar
-Instruction = tuple[int, int, int, int, int, int]
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,7 +47,9 @@ class Program:
     constants: tuple[float, ...]
     begin: InstructionList  # once per flight
     entries: tuple[InstructionList, ...]  # at each evaluation
-    inputs: tuple[int, ...]  # places of the inputs in order; of those that change, then of a flight's
+    inputs: tuple[
+        int, ...
+    ]  # places of the inputs in order; of those that change, then of a flight's
     places: int
     scalars: int
 
@@ -182,14 +183,14 @@ class _Allocation:
         """The list of some operations, of whose results some are `wanted` in the end."""
         last = {k: i for i, one in enumerate(operations) for k in one.operands}
         last.update(dict.fromkeys(wanted, len(operations)))
-        code = []
+        code: list[Sequence[int]] = []
         for i, operation in enumerate(operations):
-            instruction = self._operands(operation)
+            opcode, *operands = self._operands(operation)
             for value in {k for k in operation.operands if last[k] == i}:
                 if value in self._place:
                     self._free.append(self._place[value])
-            results = [self._result(value, i, last) for value in (*operation.results, None)[:2]]
-            code.append((instruction[0], *results, *instruction[1:]))
+            first, second = (self._result(k, last) for k in (*operation.results, None)[:2])
+            code.append((opcode, first, second, *operands))
         return InstructionList(coded(code), tuple(self._at(value) for value in wanted))
 
     def _operands(self, operation: Operation) -> tuple[int, int, int, int]:
@@ -213,7 +214,7 @@ class _Allocation:
         own = self._assembler.place
         return own[value] if value in own else self._place[value]
 
-    def _result(self, value: int | None, now: int, last: dict[int, int]) -> int:
+    def _result(self, value: int | None, last: dict[int, int]) -> int:
         if value is None:
             return NOWHERE
         if value in self._assembler.place:
@@ -227,6 +228,6 @@ class _Allocation:
         return place
 
 
-def coded(instructions: Sequence[Instruction]) -> NDArray[np.uint16]:
+def coded(instructions: Sequence[Sequence[int]]) -> NDArray[np.uint16]:
     """As the interpreter reads them, (m, 6)."""
     return np.array(instructions, dtype=np.uint16).reshape(-1, 6)
