@@ -40,6 +40,7 @@ class FlownReferences:
         self.health = np.zeros(n, dtype=np.int64)
         self.clipped, self.hole = np.zeros(n, dtype=bool), np.zeros(n, dtype=bool)
         self._along: Array | None = None
+        self._points = _read_by_point(table.conversion)
         self._pointer = np.zeros(n, dtype=np.intp)
 
     def __len__(self) -> int:
@@ -66,7 +67,11 @@ class FlownReferences:
         """What is looked up by."""
         fixed, free = self.table.high_density_time
         self._times = fixed + free * self.final_time[:, None]
-        rows = np.matmul(self.table.conversion.T, self.nodal)
+        nodes, weights = self._points
+        # node after node, as C does: a matrix product would have other bits
+        rows = weights[0, :, None] * self.nodal[:, nodes[0]]
+        for node, weight in zip(nodes[1:], weights[1:], strict=True):
+            rows += weight[:, None] * self.nodal[:, node]
         self._along = along(self._times, rows)
 
     def rewind(self) -> None:
@@ -129,3 +134,14 @@ def _beside(
 def _is_alike(slope: Array, other: Array) -> NDArray[np.bool_]:
     alike: NDArray[np.bool_] = (slope <= ALIKE * other) & (other <= ALIKE * slope)
     return alike
+
+
+def _read_by_point(conversion: Array) -> tuple[NDArray[np.intp], Array]:
+    """Which nodes each point of an LD→HD matrix (nodes, m) reads, in order, and their weights: (k, m)."""
+    used = conversion != 0.0
+    count = len(used)
+    first, last = used.argmax(axis=0), count - 1 - used[::-1].argmax(axis=0)
+    nodes = first + np.arange((last - first).max() + 1)[:, None]
+    held = np.minimum(nodes, count - 1)
+    weights = np.where(nodes <= last, np.take_along_axis(conversion, held, axis=0), 0.0)
+    return held, weights
