@@ -20,6 +20,8 @@ UNREACHED: set[str] = {
     "ampi.simulation.estimates.sensitivity",
     "ampi.export",
     "ampi.export.blob",
+    "ampi.export.fmu",
+    "ampi.export.fmu_description",
 }
 
 # what people start and import: the packages, the commands, the scripts, and what the README shows

@@ -9,13 +9,15 @@ most `PlantSettings.step`.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ampi.guidance import Command, Guidance
+from ampi.guidance import Guidance
 from ampi.missions.family import MissionFamily
 from ampi.missions.mission import Mission
+from ampi.onboard.command import Command
 from ampi.physics.equations_of_motion import aerodynamic_acceleration
 from ampi.physics.state import ALTITUDE, BANK, ENTRY_STATES, N_STATES
 from ampi.simulation.actuator import Actuator
@@ -67,28 +69,61 @@ def plant_of(family: MissionFamily[Mission], guidance: Guidance, truth: Truth) -
     return Plant(family, truth, longest, modulated=guidance.law.modulates)
 
 
+@dataclass(frozen=True, eq=False)
+class Entries:
+    """n flights at the entry interface: guidance has begun on what it was told of them."""
+
+    sensors: Sensors
+    parameters: Array  # (n, d), as told
+    plant: Plant
+    flights: InFlight
+    steering: Array  # (2, n), which the actuator has been at for long
+
+    @classmethod
+    def of(cls, family: MissionFamily[Mission], guidance: Guidance, truth: Truth) -> Entries:
+        """Those of a family in the truth; begins `guidance`."""
+        radius = family.mission.flight_model.planet.equatorial_radius
+        sensors = Sensors(truth, radius, guidance.cycle)
+        entry = np.concatenate([family.entry_states.T, np.zeros((2, len(family)))])
+        told = sensors.at_entry(entry[:N_STATES], entry[N_STATES])
+        parameters = _told(family, truth.parameters, told - entry)
+        guidance.begin(parameters)
+        plant = plant_of(family, guidance, truth)
+        first, layout = guidance.flown.first, guidance.table.layout
+        finite = np.all(np.isfinite(truth.parameters), axis=1)
+        flights = InFlight.at_entry(plant, first[BANK].copy(), finite)
+        steering = np.stack([first[layout.bank_rate], np.zeros(len(family))])
+        return cls(sensors, parameters, plant, flights, steering)
+
+
+@dataclass(frozen=True)
+class Rhythm:
+    """How cycles are divided, and which are recorded."""
+
+    cycle: float  # s
+    parts: int  # steps of the plant in a cycle
+    stride: int  # cycles from record to record
+
+    @classmethod
+    def of(cls, cycle: float, record_every: float) -> Rhythm:
+        """Records are `record_every` seconds apart, to whole cycles."""
+        parts = max(1, int(np.ceil(cycle / PLANT.step - 1e-9)))
+        return cls(cycle, parts, max(1, round(record_every / cycle)))
+
+
 class _Loop:
     """One batch on its way."""
 
     def __init__(
         self, family: MissionFamily[Mission], guidance: Guidance, truth: Truth, every: float
     ) -> None:
-        cycle = guidance.cycle
-        self.guidance, self.cycle, self.truth = guidance, cycle, truth
-        self.parts = max(1, int(np.ceil(cycle / PLANT.step - 1e-9)))
-        self.stride = max(1, round(every / cycle))
-        self.sensors = Sensors(truth, family.mission.flight_model.planet.equatorial_radius, cycle)
-        entry = np.concatenate([family.entry_states.T, np.zeros((2, len(family)))])
-        told = self.sensors.at_entry(entry[:N_STATES], entry[N_STATES])
-        parameters = _told(family, truth.parameters, told - entry)
-        guidance.begin(parameters)
-        self.plant, layout = plant_of(family, guidance, truth), guidance.table.layout
-        first = guidance.flown.first
-        finite = np.all(np.isfinite(truth.parameters), axis=1)
-        self.flights = InFlight.at_entry(self.plant, first[BANK].copy(), finite)
-        steering = np.stack([first[layout.bank_rate], np.zeros(len(family))])
-        self.actuator = Actuator(truth, cycle, steering)
-        self.tally = _Tally(len(family), guidance, parameters)
+        rhythm = Rhythm.of(guidance.cycle, every)
+        self.guidance, self.cycle = guidance, rhythm.cycle
+        self.parts, self.stride = rhythm.parts, rhythm.stride
+        entries = Entries.of(family, guidance, truth)
+        self.sensors, self.plant, self.flights = entries.sensors, entries.plant, entries.flights
+        self.actuator = Actuator(truth, self.cycle, entries.steering)
+        self.tally = _Tally(len(family), guidance, entries.parameters)
         self.record: list[tuple[float, Array, Array, Array]] = []
 
     def flown(self) -> FlightBatch:
@@ -145,14 +180,17 @@ class _Loop:
         self.record.append((time, state, reference, steering))
 
 
+def saturated_from(guidance: Guidance, parameters: Array) -> tuple[Any, Any]:
+    """Bank angle (rad) and bank rate (rad/s) from which a control counts as saturated."""
+    limits = guidance.limits_at(parameters)
+    return (1.0 - AT_LIMIT) * limits.angle, (1.0 - AT_LIMIT) * limits.rate
+
+
 class _Tally:
     """What is counted along n flights."""
 
     def __init__(self, n: int, guidance: Guidance, parameters: Array) -> None:
-        limits = guidance.limits_at(parameters)
-        self._angle, self._rate = (
-            (1.0 - AT_LIMIT) * limit for limit in (limits.angle, limits.rate)
-        )
+        self._angle, self._rate = saturated_from(guidance, parameters)
         self.cycles, self.saturated = np.zeros(n), np.zeros(n)
         self.activity, self.rebound = np.zeros(n), np.full(n, np.nan)
         self._before, self._descended = np.full(n, -np.inf), np.zeros(n, dtype=bool)

@@ -13,7 +13,8 @@ from ampi.missions.mission import Mission
 from ampi.onboard.reference import Mode
 from ampi.physics.planet import bearing, great_circle_distance
 from ampi.physics.state import ALTITUDE, AZIMUTH, LATITUDE, LONGITUDE, SPEED
-from ampi.simulation.closed_loop import FlightBatch, fly_batch, plant_of
+from ampi.simulation.closed_loop import FlightBatch, plant_of
+from ampi.simulation.engines import fly_batch
 from ampi.simulation.plant import Plant
 from ampi.simulation.profiles import ALTITUDES
 from ampi.simulation.reach import ranges

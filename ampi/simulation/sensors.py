@@ -28,20 +28,32 @@ class SensorNoise:
 
     def __init__(self, seeds: NDArray[np.uint64]) -> None:
         self._generators = [np.random.Generator(np.random.Philox(key=int(seed))) for seed in seeds]
-        self._normal = np.empty((BLOCK, N_STATES + len(SENSED), len(seeds)))
-        self._uniform = np.empty((BLOCK, len(seeds)))
+        self._normal = np.empty((len(seeds), BLOCK, N_STATES + len(SENSED)))
+        self._uniform = np.empty((len(seeds), BLOCK))
         self._next = BLOCK
 
     def sample(self) -> tuple[Array, Array, Array]:
         """Of the next sample: navigation (7, n), accelerometer (3, n), uniform (n,)."""
+        k = self._begin()
+        self._next = k + 1
+        normal = self._normal[:, k].T
+        return normal[:N_STATES], normal[N_STATES:], self._uniform[:, k]
+
+    def rest(self) -> tuple[Array, Array]:
+        """Of the next k samples, of which there is one: normal (n, k, 10) and uniform (n, k)."""
+        k, self._next = self._begin(), BLOCK
+        return np.ascontiguousarray(self._normal[:, k:]), np.ascontiguousarray(self._uniform[:, k:])
+
+    def _begin(self) -> int:
+        """Which sample of the block is the next."""
         if self._next == BLOCK:
-            for i, generator in enumerate(self._generators):
-                self._normal[..., i] = generator.standard_normal(self._normal.shape[:2])
-                self._uniform[:, i] = generator.random(BLOCK)
+            for generator, normal, uniform in zip(
+                self._generators, self._normal, self._uniform, strict=True
+            ):
+                generator.standard_normal(out=normal)
+                generator.random(out=uniform)
             self._next = 0
-        k = self._next
-        self._next += 1
-        return self._normal[k, :N_STATES], self._normal[k, N_STATES:], self._uniform[k]
+        return self._next
 
 
 class Sensors:
@@ -61,7 +73,7 @@ class Sensors:
         self._latency = latency if np.any(latency > 0.0) else None
         self._delay: Delay | None = None
         noisy = np.any(self._noise) or np.any(self._felt_noise) or np.any(self._dropout)
-        self._random = SensorNoise(truth.seeds) if noisy else None
+        self.noise = SensorNoise(truth.seeds) if noisy else None
         self._is_biased = bool(np.any(self._bias))
         self._feels_truly = not (np.any(self._felt_bias) or np.any(self._scale))
         self._felt = np.zeros((len(SENSED), len(truth.seeds)))
@@ -69,7 +81,7 @@ class Sensors:
     def navigation(self, x: Array, rate: Array) -> Array:
         """What navigation tells (8, n) of the states (7, n) and bank rates (n,)."""
         told, missing = self._sampled(self._late(x), rate)
-        if self._random is not None:
+        if self.noise is not None:
             told[:, missing] = np.nan
         return told
 
@@ -80,11 +92,11 @@ class Sensors:
     def _sampled(self, x: Array, rate: Array) -> tuple[Array, NDArray[np.bool_]]:
         """A sample (8, n), and of which flights (n,) it is missing."""
         told, missing = np.concatenate([x, rate[None]]), np.zeros(len(rate), dtype=bool)
-        if self._random is None and not self._is_biased:
+        if self.noise is None and not self._is_biased:
             return told, missing
         errors = self._bias.copy()
-        if self._random is not None:
-            normal, self._felt, uniform = self._random.sample()
+        if self.noise is not None:
+            normal, self._felt, uniform = self.noise.sample()
             errors += self._noise * normal
             missing = uniform < self._dropout
         errors[LONGITUDE] /= self._radius * np.cos(told[LATITUDE])
@@ -94,7 +106,7 @@ class Sensors:
 
     def acceleration(self, felt: Array) -> Array:
         """What the accelerometer tells (3, n) of the specific force (3, n); after `navigation`."""
-        if self._feels_truly and self._random is None:
+        if self._feels_truly and self.noise is None:
             return felt
         return felt * (1.0 + self._scale) + self._felt_bias + self._felt_noise * self._felt
 

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from ampi.export.blob import ORDERS
+from ampi.export.blob import ORDERS, table_blob
 from ampi.guidance import Guidance
 from ampi.onboard.reference import Mode
 from ampi.onboard.subspace import Order
@@ -103,4 +103,4 @@ def test_in_single_precision_a_reference_is_near(
 def test_an_order_that_flight_code_has_not_is_refused(entry: LawMaker) -> None:
     guidance = entry()
     with pytest.raises(ValueError, match=r"orders: expected 3 of those .* got hermite, hermite"):
-        blob_of(guidance, orders=[Order.HERMITE] * 3)
+        table_blob(guidance.table, guidance.law, guidance.limits, orders=[Order.HERMITE] * 3)

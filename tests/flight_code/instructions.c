@@ -12,7 +12,7 @@ void measured(int is_step, const double *parameters, const double *navigation, c
 static ampi_table table;
 static ampi_reference reference;
 static ampi_guidance guidance;
-static unsigned char blob[1u << 20];
+static unsigned char blob[1u << 23];
 static double elapsed;
 
 __attribute__((noinline)) void measured(int is_step, const double *parameters, const double *navigation,

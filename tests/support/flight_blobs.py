@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ampi.export.blob import table_blob
 from ampi.guidance import Guidance
 from ampi.onboard.row_layout import DRAG_TRACKING
 
@@ -19,13 +18,7 @@ OFF = np.array([1e3, 0.01, 0.01, 50.0, 5e-3, 0.01, 0.3, 0.02])
 
 def blob_of(guidance: Guidance, **settings: Any) -> bytes:
     """Of all that it flies by."""
-    own: dict[str, Any] = {
-        "mode": guidance.mode,
-        "orders": guidance.orders,
-        "limit_axes": guidance.limit_axes,
-        "cycle": guidance.cycle if guidance.first_cycle[0] == guidance.cycle else None,
-    }
-    return table_blob(guidance.table, guidance.law, guidance.limits, **{**own, **settings})
+    return guidance.blob(**settings)
 
 
 def some_parameters(guidance: Guidance, rng: np.random.Generator, n: int) -> Array:

@@ -1,0 +1,253 @@
+/* Guidance: the flight code of n flights, on one table. */
+#include "objects.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+PyTypeObject *ampi_guidance_type;
+
+PyTypeObject *ampi_table_type;
+
+static PyObject *table_new(PyTypeObject *type, PyObject *arguments, PyObject *keywords) {
+    PyObject *blob;
+    (void)keywords;
+    if (!PyArg_ParseTuple(arguments, "O", &blob)) {
+        return NULL;
+    }
+    allocfunc allocate = (allocfunc)PyType_GetSlot(type, Py_tp_alloc);
+    TableObject *self = (TableObject *)allocate(type, 0);
+    if (self == NULL || PyObject_GetBuffer(blob, &self->blob, PyBUF_SIMPLE) != 0) {
+        Py_XDECREF((PyObject *)self);
+        return NULL;
+    }
+    const ampi_status status =
+        ampi_table_open(&self->table, self->blob.buf, (size_t)self->blob.len);
+    if (status != AMPI_OK) {
+        PyErr_Format(PyExc_ValueError, "blob: expected a guidance table, got status %d", (int)status);
+        Py_DECREF(self);
+        return NULL;
+    }
+    return (PyObject *)self;
+}
+
+static void table_dealloc(PyObject *object) {
+    TableObject *const self = (TableObject *)object;
+    PyTypeObject *type = Py_TYPE(object);
+    if (self->blob.obj != NULL) {
+        PyBuffer_Release(&self->blob);
+    }
+    ((freefunc)PyType_GetSlot(type, Py_tp_free))(object);
+    Py_DECREF(type);
+}
+
+static PyType_Slot table_slots[] = {
+    {Py_tp_new, (void *)table_new},
+    {Py_tp_dealloc, (void *)table_dealloc},
+    {Py_tp_doc, "Table(blob): a guidance table, checked and opened."},
+    {0, NULL},
+};
+PyType_Spec ampi_table_spec = {"ampi._native._core.Table", (int)sizeof(TableObject), 0,
+                               Py_TPFLAGS_DEFAULT, table_slots};
+
+static PyObject *guidance_new(PyTypeObject *type, PyObject *arguments, PyObject *keywords) {
+    PyObject *table;
+    Py_ssize_t n;
+    (void)keywords;
+    if (!PyArg_ParseTuple(arguments, "On", &table, &n)) {
+        return NULL;
+    }
+    if (!PyObject_TypeCheck(table, ampi_table_type) || n < 1) {
+        PyErr_SetString(PyExc_ValueError, "Guidance: expected a Table and at least one flight");
+        return NULL;
+    }
+    allocfunc allocate = (allocfunc)PyType_GetSlot(type, Py_tp_alloc);
+    GuidanceObject *self = (GuidanceObject *)allocate(type, 0);
+    if (self == NULL) {
+        return NULL;
+    }
+    self->owner = Py_NewRef(table);
+    self->table = &((TableObject *)table)->table;
+    self->n = (size_t)n;
+    self->guidance = calloc(self->n, sizeof(ampi_guidance));
+    if (self->guidance == NULL) {
+        PyErr_NoMemory();
+        Py_DECREF(self);
+        return NULL;
+    }
+    return (PyObject *)self;
+}
+
+static void guidance_dealloc(PyObject *object) {
+    GuidanceObject *const self = (GuidanceObject *)object;
+    PyTypeObject *type = Py_TYPE(object);
+    free(self->guidance);
+    Py_XDECREF(self->owner);
+    ((freefunc)PyType_GetSlot(type, Py_tp_free))(object);
+    Py_DECREF(type);
+}
+
+static PyObject *begin(PyObject *object, PyObject *parameters) {
+    GuidanceObject *const self = (GuidanceObject *)object;
+    Py_buffer told;
+    if (ampi_doubles(parameters, "parameters", self->n * self->table->n.axes, 0, &told) != 0) {
+        return NULL;
+    }
+    Py_BEGIN_ALLOW_THREADS
+    for (size_t i = 0; i < self->n; i++) {
+        ampi_guidance_begin(&self->guidance[i], self->table,
+                            (const double *)told.buf + i * self->table->n.axes);
+    }
+    Py_END_ALLOW_THREADS
+    PyBuffer_Release(&told);
+    Py_RETURN_NONE;
+}
+
+static PyObject *follow(PyObject *object, PyObject *parameters) {
+    GuidanceObject *const self = (GuidanceObject *)object;
+    Py_buffer told;
+    if (ampi_doubles(parameters, "parameters", self->n * self->table->n.axes, 0, &told) != 0) {
+        return NULL;
+    }
+    ampi_reference *const reference = malloc(sizeof(ampi_reference));
+    if (reference != NULL) {
+        for (size_t i = 0; i < self->n; i++) {
+            const double *const own = (const double *)told.buf + i * self->table->n.axes;
+            ampi_reference_at(self->table, own, reference);
+            ampi_guidance_follow(&self->guidance[i], self->table, reference, own);
+        }
+    }
+    free(reference);
+    PyBuffer_Release(&told);
+    return reference == NULL ? PyErr_NoMemory() : Py_NewRef(Py_None);
+}
+
+enum { COMMAND_ROWS = 5 };
+
+/* Steps all flights: commands (5, n) are bank rate, bank angle, angle of attack, steering, health. */
+static void step_all(GuidanceObject *self, double time, const double *navigation, const double *sensed,
+                     double *commands, double *rows) {
+    const size_t n = self->n;
+    for (size_t i = 0; i < n; i++) {
+        double told[AMPI_N_NAVIGATED], felt[3];
+        for (size_t row = 0; row < AMPI_N_NAVIGATED; row++) {
+            told[row] = navigation[row * n + i];
+        }
+        for (size_t row = 0; sensed != NULL && row < 3u; row++) {
+            felt[row] = sensed[row * n + i];
+        }
+        const ampi_command command = ampi_guidance_step(&self->guidance[i], self->table, time, told,
+                                                        sensed != NULL ? felt : NULL);
+        commands[i] = command.bank_rate;
+        commands[n + i] = command.bank_angle;
+        commands[2u * n + i] = command.angle_of_attack;
+        commands[3u * n + i] = (double)command.steering;
+        commands[4u * n + i] = (double)command.health;
+        for (size_t row = 0; row < self->table->n.rows; row++) {
+            rows[row * n + i] = self->guidance[i].row[row];
+        }
+    }
+}
+
+/* step(time, navigation (8, n), sensed (3, n) or None, commands (5, n), rows (r, n)) */
+static PyObject *step(PyObject *object, PyObject *const *arguments, Py_ssize_t count) {
+    GuidanceObject *const self = (GuidanceObject *)object;
+    Py_buffer navigation, sensed, commands, rows;
+    if (count != 5) {
+        PyErr_SetString(PyExc_TypeError, "step: expected time, navigation, sensed, commands, rows");
+        return NULL;
+    }
+    const double time = PyFloat_AsDouble(arguments[0]);
+    if ((time == -1.0 && PyErr_Occurred() != NULL) ||
+        ampi_doubles(arguments[1], "navigation", AMPI_N_NAVIGATED * self->n, 0, &navigation) != 0) {
+        return NULL;
+    }
+    PyObject *answer = NULL;
+    const int feels = arguments[2] != Py_None;
+    if (!feels || ampi_doubles(arguments[2], "sensed", 3u * self->n, 0, &sensed) == 0) {
+        if (ampi_doubles(arguments[3], "commands", COMMAND_ROWS * self->n, 1, &commands) == 0) {
+            if (ampi_doubles(arguments[4], "rows", self->table->n.rows * self->n, 1, &rows) == 0) {
+                step_all(self, time, navigation.buf, feels ? sensed.buf : NULL, commands.buf,
+                         rows.buf);
+                PyBuffer_Release(&rows);
+                answer = Py_NewRef(Py_None);
+            }
+            PyBuffer_Release(&commands);
+        }
+        if (feels) {
+            PyBuffer_Release(&sensed);
+        }
+    }
+    PyBuffer_Release(&navigation);
+    return answer;
+}
+
+/* flown(out (4, n)): final time, whether clipped, whether a hole, health, of the references flown */
+static PyObject *flown(PyObject *object, PyObject *array) {
+    GuidanceObject *const self = (GuidanceObject *)object;
+    Py_buffer view;
+    if (ampi_doubles(array, "out", 4u * self->n, 1, &view) != 0) {
+        return NULL;
+    }
+    double *const out = view.buf;
+    for (size_t i = 0; i < self->n; i++) {
+        const ampi_reference *const own = &self->guidance[i].reference;
+        uint32_t clipped = 0;
+        for (size_t axis = 0; axis < self->table->n.axes; axis++) {
+            clipped |= own->clipped[axis];
+        }
+        out[i] = own->final_time;
+        out[self->n + i] = clipped != 0u ? 1.0 : 0.0;
+        out[2u * self->n + i] = own->hole != 0u ? 1.0 : 0.0;
+        out[3u * self->n + i] = (double)own->health;
+    }
+    PyBuffer_Release(&view);
+    Py_RETURN_NONE;
+}
+
+/* reference(parameters (d), low (r n + 1), times (m), rows (r, m)): one, with its nodes and t_f */
+static PyObject *reference(PyObject *object, PyObject *arguments) {
+    GuidanceObject *const self = (GuidanceObject *)object;
+    const ampi_table *const table = self->table;
+    PyObject *p, *low, *times, *rows, *answer = NULL;
+    Py_buffer told, nodal, when, high;
+    if (!PyArg_ParseTuple(arguments, "OOOO", &p, &low, &times, &rows) ||
+        ampi_doubles(p, "parameters", table->n.axes, 0, &told) != 0) {
+        return NULL;
+    }
+    if (ampi_doubles(low, "low", table->n.rows * table->n.nodes + 1u, 1, &nodal) == 0) {
+        if (ampi_doubles(times, "times", table->n.points, 1, &when) == 0) {
+            if (ampi_doubles(rows, "rows", table->n.rows * table->n.points, 1, &high) == 0) {
+                ampi_reference own;
+                ampi_reference_at(table, told.buf, &own);
+                memcpy(nodal.buf, own.rows, (size_t)nodal.len);
+                ampi_reference_high_density(table, &own, when.buf, high.buf);
+                PyBuffer_Release(&high);
+                answer = Py_NewRef(Py_None);
+            }
+            PyBuffer_Release(&when);
+        }
+        PyBuffer_Release(&nodal);
+    }
+    PyBuffer_Release(&told);
+    return answer;
+}
+
+static PyMethodDef guidance_methods[] = {
+    {"begin", begin, METH_O, "begin(parameters): begin n flights of p (n, d)."},
+    {"follow", follow, METH_O, "follow(parameters): fly the references of p (n, d); the clock goes on."},
+    {"step", (PyCFunction)(void (*)(void))step, METH_FASTCALL,
+     "step(time, navigation, sensed, commands, rows): one cycle of all flights."},
+    {"flown", flown, METH_O, "flown(out): final time, clipped, hole and health (4, n)."},
+    {"reference", reference, METH_VARARGS, "reference(parameters, low, times, rows): one reference."},
+    {NULL, NULL, 0, NULL},
+};
+
+static PyType_Slot guidance_slots[] = {
+    {Py_tp_new, (void *)guidance_new},
+    {Py_tp_dealloc, (void *)guidance_dealloc},
+    {Py_tp_methods, guidance_methods},
+    {Py_tp_doc, "Guidance(table, n): the flight code of n flights."},
+    {0, NULL},
+};
+PyType_Spec ampi_guidance_spec = {"ampi._native._core.Guidance", (int)sizeof(GuidanceObject), 0,
+                                  Py_TPFLAGS_DEFAULT, guidance_slots};

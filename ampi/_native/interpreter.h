@@ -1,0 +1,145 @@
+/* Runs a list of instructions for AMPI_LANES flights at once; included once per instruction set.
+ *
+ * Each instruction is a loop over the lanes that the compiler turns into vectors. Operands and results
+ * lie at the same place or at different ones, they never overlap otherwise. */
+#include "instructions.h"
+#include "vector_math.h"
+
+#if defined(__clang__)
+#define EACH_LANE \
+    _Pragma("clang loop vectorize(assume_safety)") for (int i = 0; i < AMPI_LANES; i++)
+#elif defined(__GNUC__)
+#define EACH_LANE _Pragma("GCC ivdep") for (int i = 0; i < AMPI_LANES; i++)
+#else
+#define EACH_LANE for (int i = 0; i < AMPI_LANES; i++)
+#endif
+
+typedef void operation(const ampi_instruction *, double *, const double *);
+
+#define OPERATION(name) \
+    static void run_##name(const ampi_instruction *at, double *places, const double *scalars)
+#define PLACE(k) (places + (size_t)AMPI_LANES * (k))
+#define V(x) x[i]
+#define S(x) x[0]
+#define V_AT(k) PLACE(k)
+#define S_AT(k) (scalars + (k))
+
+#define UNARY(name, expression) \
+    OPERATION(name##_v) { \
+        const double *const a = PLACE(at->a); \
+        double *const result = PLACE(at->result); \
+        (void)scalars; \
+        EACH_LANE { \
+            const double x = a[i]; \
+            result[i] = (expression); \
+        } \
+    }
+
+#define BINARY_OF(name, expression, kinds, A, B) \
+    OPERATION(name##_##kinds) { \
+        const double *const a = A##_AT(at->a), *const b = B##_AT(at->b); \
+        double *const result = PLACE(at->result); \
+        (void)scalars; \
+        EACH_LANE { \
+            const double x = A(a), y = B(b); \
+            result[i] = (expression); \
+        } \
+    }
+#define COMMUTATIVE(name, expression) \
+    BINARY_OF(name, expression, vv, V, V) BINARY_OF(name, expression, vs, V, S)
+#define BINARY(name, expression) \
+    COMMUTATIVE(name, expression) BINARY_OF(name, expression, sv, S, V)
+
+#define TERNARY_OF(name, expression, kinds, A, B, C) \
+    OPERATION(name##_##kinds) { \
+        const double *const a = A##_AT(at->a), *const b = B##_AT(at->b), *const c = C##_AT(at->c); \
+        double *const result = PLACE(at->result); \
+        (void)scalars; \
+        EACH_LANE { \
+            const double x = A(a), y = B(b), z = C(c); \
+            result[i] = (expression); \
+        } \
+    }
+#define TERNARY(name, expression) \
+    TERNARY_OF(name, expression, vvv, V, V, V) TERNARY_OF(name, expression, vvs, V, V, S) \
+    TERNARY_OF(name, expression, vsv, V, S, V) TERNARY_OF(name, expression, vss, V, S, S)
+
+COMMUTATIVE(add, x + y)
+BINARY(sub, x - y)
+COMMUTATIVE(mul, x * y)
+BINARY(div, x / y)
+TERNARY(mul_add, x * y + z)
+TERNARY(mul_sub, x * y - z)
+TERNARY(sub_mul, z - x * y)
+/* of not-a-number numpy's: it goes through */
+COMMUTATIVE(min, x < y || x != x ? x : y)
+COMMUTATIVE(max, x > y || x != x ? x : y)
+BINARY(lt, x < y ? 1.0 : 0.0)
+BINARY(le, x <= y ? 1.0 : 0.0)
+COMMUTATIVE(eq, x == y ? 1.0 : 0.0)
+COMMUTATIVE(ne, x != y ? 1.0 : 0.0)
+UNARY(neg, -x)
+UNARY(abs, fabs(x))
+UNARY(sqrt, sqrt(x))
+UNARY(sign, x > 0.0 ? 1.0 : x < 0.0 ? -1.0 : x)
+UNARY(floor, floor(x))
+UNARY(exp, exp(x))
+/* rare ones: the C library's, lane by lane */
+COMMUTATIVE(pow, lane_pow(x, y))
+BINARY_OF(atan2, atan2(x, y), vv, V, V)
+UNARY(log, log(x))
+UNARY(tan, tan(x))
+UNARY(asin, asin(x))
+UNARY(acos, acos(x))
+UNARY(atan, atan(x))
+UNARY(tanh, tanh(x))
+
+OPERATION(fill) {
+    const double value = scalars[at->a];
+    double *const result = PLACE(at->result);
+    EACH_LANE { result[i] = value; }
+}
+
+#define ABREAST 16 /* lanes of a polynomial that stay in registers */
+
+OPERATION(horner) {
+    const double *const a = PLACE(at->a), *const coefficients = scalars + at->b;
+    double *const result = PLACE(at->result);
+    for (int begin = 0; begin < AMPI_LANES; begin += ABREAST) {
+        double x[ABREAST], total[ABREAST];
+        for (int i = 0; i < ABREAST; i++) {
+            x[i] = a[begin + i];
+            total[i] = coefficients[0] * x[i] + coefficients[1];
+        }
+        for (int k = 2; k < at->c; k++) {
+            const double next = coefficients[k];
+            for (int i = 0; i < ABREAST; i++) {
+                total[i] = total[i] * x[i] + next;
+            }
+        }
+        for (int i = 0; i < ABREAST; i++) {
+            result[begin + i] = total[i];
+        }
+    }
+}
+
+/* Sine and cosine of which one may be not wanted. */
+OPERATION(sincos_v) {
+    double angle[AMPI_LANES], unwanted[AMPI_LANES];
+    double *const sine = at->result == AMPI_NOWHERE ? unwanted : PLACE(at->result);
+    double *const cosine = at->second == AMPI_NOWHERE ? unwanted : PLACE(at->second);
+    (void)scalars;
+    memcpy(angle, PLACE(at->a), sizeof angle);
+    for (int i = 0; i < AMPI_LANES; i++) {
+        lane_sincos(angle[i], &sine[i], &cosine[i]);
+    }
+}
+
+#define IN_THE_TABLE(name) run_##name,
+static operation *const OPERATIONS[] = {AMPI_OPERATIONS(IN_THE_TABLE)};
+
+static void run(const ampi_instruction *begin, size_t count, double *places, const double *scalars) {
+    for (const ampi_instruction *at = begin; at < begin + count; at++) {
+        OPERATIONS[at->opcode](at, places, scalars);
+    }
+}
