@@ -157,7 +157,10 @@ ampi_command ampi_guidance_step(ampi_guidance *guidance, const ampi_table *table
                                 const double navigation[AMPI_N_NAVIGATED], const double *sensed)
 {
     ampi_command command = {0.0, 0.0, 0.0, AMPI_HELD, AMPI_NOT_BEGUN};
-    double told[AMPI_N_NAVIGATED], state[AMPI_N_STATES], felt[3], bank, rate, own, wanted, angle, last;
+    static const double NOTHING[AMPI_N_NAVIGATED] = {NAN, NAN, NAN, NAN, NAN, NAN, NAN, NAN};
+    const double *told = (navigation != NULL) ? navigation : NOTHING;
+    const double *felt = (sensed != NULL) ? sensed : NOTHING;
+    double state[AMPI_N_STATES], bank, rate, own, wanted, angle, last;
     bool is_in_time, is_ended, is_lost, is_state, is_rate;
     size_t i, known = 0u;
     int32_t fault;
@@ -167,11 +170,7 @@ ampi_command ampi_guidance_step(ampi_guidance *guidance, const ampi_table *table
         return command;
     }
     for (i = 0u; i < AMPI_N_NAVIGATED; i++) {
-        told[i] = (navigation != NULL) ? navigation[i] : (double)NAN;
         known += (fabs(told[i]) < AMPI_SANE) ? 1u : 0u;
-    }
-    for (i = 0u; i < 3u; i++) {
-        felt[i] = (sensed != NULL) ? sensed[i] : (double)NAN;
     }
     is_in_time = advance(guidance, table, time);
     if (guidance->is_first != 0u) {
