@@ -84,7 +84,7 @@ static double slope_between(const ampi_table *table, const ampi_guidance *guidan
     return (*way > 0.0) ? (passed / *way) : 0.0;
 }
 
-/* Time at which `along` reaches a value, Eq. (1) of ampi/onboard/flown_references.py; held at both ends. */
+/* Time at which `along` reaches a value, held at the ends: Eq. (1) of ampi/onboard/flown_references.py. */
 static double instant_of(const ampi_table *table, const ampi_guidance *guidance, double value)
 {
     const double *along = guidance->along, final_time = guidance->reference.final_time;
@@ -127,10 +127,10 @@ double ampi_instant(const ampi_guidance *guidance, const ampi_table *table, cons
     const bool is_felt = !is_by_time && !(-sensed[0] <= gain[FELT_DRAG]); /* not known: felt */
     double value = guidance->now + (is_by_time ? 0.0 : BEFORE_AIR);
 
-    value = is_felt ? energy_lost(gain, state[ALTITUDE], state[SPEED]) : value;
+    value = chosen(is_felt, energy_lost(gain, state[ALTITUDE], state[SPEED]), value);
     *is_ended = (value >= end);
     *is_lost = (value != value);
-    value = *is_lost ? end : value;
+    value = chosen(*is_lost, end, value);
     return is_by_time ? value : instant_of(table, guidance, value);
 }
 
@@ -140,8 +140,8 @@ static accelerations sensed_of(const double *at, const double *sensed)
     const double reference = exp(at[LOG_DRAG]);
     accelerations felt = {drag, lift, (drag > 0.0) && (drag < HUGE_VAL) && (lift < HUGE_VAL)};
 
-    felt.drag = felt.is_known ? drag : reference;
-    felt.lift = felt.is_known ? lift : (reference * fabs(at[LIFT_TO_DRAG]));
+    felt.drag = chosen(felt.is_known, drag, reference);
+    felt.lift = chosen(felt.is_known, lift, reference * fabs(at[LIFT_TO_DRAG]));
     return felt;
 }
 
@@ -167,7 +167,7 @@ static double steered(const double *gain, const double *at, const double *state,
 {
     const double inside = clipped(cosine, -1.0, 1.0);
     const bool is_used = (felt.drag > gain[FELT_DRAG]) && (inside == inside);
-    const double size = is_used ? acos(inside) : fabs(at[BANK]);
+    const double size = chosen(is_used, acos(inside), fabs(at[BANK]));
     const double side = side_of(gain, at, state, turning), own = (at[BANK] < 0.0) ? -1.0 : 1.0;
     const double missing = side * size - state[BANK], far = fabs(missing);
     const double approach = least(gain[TURN_RATE] * far, sqrt(2.0 * gain[BRAKING] * far));
