@@ -54,14 +54,10 @@ void ampi_guidance_begin(ampi_guidance *guidance, const ampi_table *table, const
 {
     size_t i;
     ampi_guidance_reset(guidance, table);
-    for (i = 0u; i < AMPI_MAX_ROWS; i++) {
-        guidance->row[i] = (double)NAN;
-    }
+    for (i = 0u; i < AMPI_MAX_ROWS; i++) { guidance->row[i] = (double)NAN; }
     ampi_reference_at(table, parameters, &guidance->reference);
     guidance->is_begun = table->is_open;
-    if (table->is_open == AMPI_OPEN) {
-        take_up(guidance, table, parameters);
-    }
+    if (table->is_open == AMPI_OPEN) { take_up(guidance, table, parameters); }
 }
 
 void ampi_guidance_follow(ampi_guidance *guidance, const ampi_table *table,
@@ -114,9 +110,7 @@ static bool is_plausible(const ampi_table *table, const double *state)
     size_t i, within = 0u;
     for (i = 0u; i < AMPI_N_STATES; i++) {
         double error = state[i] - table->set.middle[i];
-        if ((i == LONGITUDE) || (i == AZIMUTH)) {
-            error = on_turn_of(error, 0.0);
-        }
+        if ((i == LONGITUDE) || (i == AZIMUTH)) { error = on_turn_of(error, 0.0); }
         within += (fabs(error) <= table->set.reach[i]) ? 1u : 0u;
     }
     return within == AMPI_N_STATES;
@@ -170,13 +164,9 @@ ampi_command ampi_guidance_step(ampi_guidance *guidance, const ampi_table *table
         told[i] = (navigation != NULL) ? navigation[i] : (double)NAN;
         known += (fabs(told[i]) < AMPI_SANE) ? 1u : 0u;
     }
-    for (i = 0u; i < 3u; i++) {
-        felt[i] = (sensed != NULL) ? sensed[i] : (double)NAN;
-    }
+    for (i = 0u; i < 3u; i++) { felt[i] = (sensed != NULL) ? sensed[i] : (double)NAN; }
     is_in_time = advance(guidance, table, time);
-    if (guidance->is_first != 0u) {
-        forget(guidance);
-    }
+    if (guidance->is_first != 0u) { forget(guidance); }
     ampi_row_at(table, &guidance->reference,
                 ampi_instant(guidance, table, told, felt, &is_ended, &is_lost), guidance->row);
     own = guidance->row[BANK_RATE];
