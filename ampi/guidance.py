@@ -12,11 +12,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ampi._native.engine import core
+from ampi.compiled_cycle import CompiledCycle, why_not_compiled
 from ampi.export.blob import Kind, table_blob
 from ampi.guidance_cycle import GuidanceCycle
 from ampi.onboard.certificate import Certificate, Certifier
@@ -71,10 +74,10 @@ class Guidance:
         self.limit_axes = dict(limit_axes or {})
         _check(table, limits, cycle, self.limit_axes, self.law)
         self.mission_sha256 = mission_sha256  # of the database's mission; None if made by hand
-        self.engine = _engine(engine, self.law)
         self.orders = None if orders is None else tuple(orders)
         self.certifier = certifier  # None: nothing is known on board of vehicle and air
         self._generator = ReferenceGenerator(table, self.mode, self.orders)
+        self.engine = self._engine(engine)
         self._stated_cycle = cycle
         self._allocate(1)
 
@@ -211,7 +214,28 @@ class Guidance:
     def _allocate(self, n: int) -> None:
         self._flown = FlownReferences(n, self.table)
         self._unfelt = np.full((N_SENSED, n), np.nan)
-        self._cycle = GuidanceCycle(self._flown, self.law, self._stated_cycle)
+        self._cycle = self._cycle_of(self._flown)
+
+    def _cycle_of(self, flown: FlownReferences) -> GuidanceCycle | CompiledCycle:
+        if self.engine == "native":
+            return CompiledCycle(flown, self.opened)
+        return GuidanceCycle(flown, self.law, self._stated_cycle)
+
+    @cached_property
+    def opened(self) -> Any:
+        """The table as the native engine has opened it."""
+        return core().Table(self.blob())
+
+    def _engine(self, asked: str) -> str:
+        """The engine that computes, by its name."""
+        if asked not in ENGINES:
+            raise ValueError(f"engine: expected one of {', '.join(ENGINES)}, got {asked!r}")
+        if asked == "numpy":
+            return asked
+        reason = why_not_compiled(self._generator.table, self.law, self._generator.orders)
+        if reason is not None and asked == "native":
+            raise ValueError(f"engine: expected numpy or auto, got native: {reason}")
+        return "native" if reason is None else "numpy"
 
     def step(self, time: float, navigation: ArrayLike, sensed: ArrayLike | None = None) -> Command:
         """Commands of one guidance cycle. Never an exception: what is unusual is the `health`.
@@ -259,12 +283,6 @@ def _check(
             f"({', '.join(row.name for row in law.layout.rows)}), got "
             f"{', '.join(row.name for row in table.layout.rows)}; load the database for this law"
         )
-
-
-def _engine(asked: str, law: TrackingLaw) -> str:
-    if asked not in ENGINES:
-        raise ValueError(f"engine: expected one of {', '.join(ENGINES)}, got {asked!r}")
-    return "numpy"
 
 
 def _restored(settings: dict[str, Any]) -> Guidance:

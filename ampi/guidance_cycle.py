@@ -61,7 +61,7 @@ class GuidanceCycle:
             if self._clock.is_first:
                 self._forget()
             if self._limits is None:
-                return _not_begun(len(self._flown))
+                return not_begun(len(self._flown))
             told = Told(navigated[:N_STATES], felt, self._clock.expected)
             return self._steered(told, navigated[N_STATES], self._limits, in_time=in_time)
 
@@ -124,6 +124,7 @@ class GuidanceCycle:
         return told
 
 
-def _not_begun(n: int) -> Command:
+def not_begun(n: int) -> Command:
+    """Before any flight has been begun."""
     held, health = np.full(n, int(Steering.HELD)), np.full(n, int(Health.NOT_BEGUN))
     return Command(np.zeros(n), np.zeros(n), np.zeros(n), held, health)

@@ -137,7 +137,7 @@ def _is_alike(slope: Array, other: Array) -> NDArray[np.bool_]:
 
 
 def _read_by_point(conversion: Array) -> tuple[NDArray[np.intp], Array]:
-    """Which nodes each point of an LD→HD matrix (nodes, m) reads, in order, and their weights: (k, m)."""
+    """Which nodes each point of an LD→HD matrix reads, in order, and their weights: (k, m)."""
     used = conversion != 0.0
     count = len(used)
     first, last = used.argmax(axis=0), count - 1 - used[::-1].argmax(axis=0)

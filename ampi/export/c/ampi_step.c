@@ -4,15 +4,16 @@
 
 #define LONGEST 20.0  /* nominal cycles; after a longer silence the clock is doubted once */
 #define FORGOTTEN 0.1 /* of the shortest and the longest cycle, at each command */
+#define UNTOLD ((double)NAN)
 #define FASTEST 2.0   /* times the rate limit: said to roll faster is told in another unit */
 #define NEAR_INVERTED 2.9670597283903604 /* rad: 10 deg of overshoot are told from the other side */
 
-/* The next command is the first, whatever its time. */
-static void reset(ampi_guidance *guidance, const ampi_table *table)
+/* The next time is taken as it is. */
+static void restart(ampi_guidance *guidance, const ampi_table *table)
 {
     guidance->begins = 1u;
     guidance->is_first = 1u;
-    guidance->given = guidance->now = guidance->interval = (double)NAN;
+    guidance->given = guidance->now = guidance->interval = UNTOLD;
     guidance->longest = guidance->expected = table->set.cycle;
     guidance->shortest = (table->n.is_cycle_stated != 0u) ? table->set.cycle : AMPI_SHORTEST;
 }
@@ -20,7 +21,7 @@ static void reset(ampi_guidance *guidance, const ampi_table *table)
 /* Nothing has been commanded yet. */
 static void forget(ampi_guidance *guidance)
 {
-    guidance->rate = guidance->bank = (double)NAN;
+    guidance->rate = guidance->bank = UNTOLD;
     guidance->angle = 0.0;
     (void)memset(guidance->memory, 0, sizeof guidance->memory);
 }
@@ -44,19 +45,20 @@ static void take_up(ampi_guidance *guidance, const ampi_table *table, const doub
     guidance->begins = 1u;
 }
 
+void ampi_guidance_reset(ampi_guidance *guidance, const ampi_table *table)
+{
+    restart(guidance, table);
+    forget(guidance);
+}
+
 void ampi_guidance_begin(ampi_guidance *guidance, const ampi_table *table, const double *parameters)
 {
     size_t i;
-    forget(guidance);
-    reset(guidance, table);
-    for (i = 0u; i < AMPI_MAX_ROWS; i++) {
-        guidance->row[i] = (double)NAN;
-    }
+    ampi_guidance_reset(guidance, table);
+    for (i = 0u; i < AMPI_MAX_ROWS; i++) { guidance->row[i] = UNTOLD; }
     ampi_reference_at(table, parameters, &guidance->reference);
     guidance->is_begun = table->is_open;
-    if (table->is_open == AMPI_OPEN) {
-        take_up(guidance, table, parameters);
-    }
+    if (table->is_open == AMPI_OPEN) { take_up(guidance, table, parameters); }
 }
 
 void ampi_guidance_follow(ampi_guidance *guidance, const ampi_table *table,
@@ -86,8 +88,8 @@ static bool advance(ampi_guidance *guidance, const ampi_table *table, double tim
     double forgot;
 
     if (is_first) {
-        reset(guidance, table);
-        guidance->interval = (table->n.is_cycle_stated != 0u) ? cycle : (double)NAN;
+        restart(guidance, table);
+        guidance->interval = (table->n.is_cycle_stated != 0u) ? cycle : UNTOLD;
     }
     /* of two, lest a silence counts as a cycle; both bounds forget slowly */
     forgot = least(low, shortest + FORGOTTEN * (low - shortest));
@@ -109,9 +111,7 @@ static bool is_plausible(const ampi_table *table, const double *state)
     size_t i, within = 0u;
     for (i = 0u; i < AMPI_N_STATES; i++) {
         double error = state[i] - table->set.middle[i];
-        if ((i == LONGITUDE) || (i == AZIMUTH)) {
-            error = on_turn_of(error, 0.0);
-        }
+        if ((i == LONGITUDE) || (i == AZIMUTH)) { error = on_turn_of(error, 0.0); }
         within += (fabs(error) <= table->set.reach[i]) ? 1u : 0u;
     }
     return within == AMPI_N_STATES;
@@ -157,7 +157,8 @@ ampi_command ampi_guidance_step(ampi_guidance *guidance, const ampi_table *table
                                 const double navigation[AMPI_N_NAVIGATED], const double *sensed)
 {
     ampi_command command = {0.0, 0.0, 0.0, AMPI_HELD, AMPI_NOT_BEGUN};
-    static const double NOTHING[AMPI_N_NAVIGATED] = {NAN, NAN, NAN, NAN, NAN, NAN, NAN, NAN};
+    static const double NOTHING[AMPI_N_NAVIGATED] = {UNTOLD, UNTOLD, UNTOLD, UNTOLD,
+                                                     UNTOLD, UNTOLD, UNTOLD, UNTOLD};
     const double *told = (navigation != NULL) ? navigation : NOTHING;
     const double *felt = (sensed != NULL) ? sensed : NOTHING;
     double state[AMPI_N_STATES], bank, rate, own, wanted, angle, last;
@@ -169,13 +170,9 @@ ampi_command ampi_guidance_step(ampi_guidance *guidance, const ampi_table *table
         || (guidance->reference.checksum != table->checksum)) {
         return command;
     }
-    for (i = 0u; i < AMPI_N_NAVIGATED; i++) {
-        known += (fabs(told[i]) < AMPI_SANE) ? 1u : 0u;
-    }
+    for (i = 0u; i < AMPI_N_NAVIGATED; i++) { known += (fabs(told[i]) < AMPI_SANE) ? 1u : 0u; }
     is_in_time = advance(guidance, table, time);
-    if (guidance->is_first != 0u) {
-        forget(guidance);
-    }
+    if (guidance->is_first != 0u) { forget(guidance); }
     ampi_row_at(table, &guidance->reference,
                 ampi_instant(guidance, table, told, felt, &is_ended, &is_lost), guidance->row);
     own = guidance->row[BANK_RATE];
