@@ -194,7 +194,7 @@ class Guidance:
         if len(told) != len(self._flown):
             self._allocate(len(told))
         for i, p in enumerate(told):
-            self._flown.set(i, self.reference(p))
+            self._flown.set(i, self._generator.nodal(p))
         self._flown.rewind()
         self._follow(told)
         self.reset()

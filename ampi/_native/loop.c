@@ -155,5 +155,6 @@ size_t ampi_loop_fly(ampi_loop *loop, size_t cycles, const double *normal, const
             advance(loop, (const ampi_lanes *)old, time + (double)part * h, h);
         }
     }
+    loop->cycle += cycles - done; /* all loops of a batch count alike, those that have ended too */
     return done;
 }
