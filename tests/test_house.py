@@ -20,6 +20,9 @@ UNREACHED: set[str] = {
     "ampi.simulation.estimates.sensitivity",
     "ampi.export",
     "ampi.export.blob",
+    "ampi.export.c_code",
+    "ampi.export.c_interface",
+    "ampi.export.c_sizes",
     "ampi.export.fmu",
     "ampi.export.fmu_description",
 }

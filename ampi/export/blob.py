@@ -28,6 +28,7 @@ import struct
 import zlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from math import prod
 from typing import Literal, get_args
 
 import numpy as np
@@ -51,6 +52,8 @@ KINDS: tuple[Kind, ...] = get_args(Kind)
 
 MAGIC = b"\x89AMPI\r\n\x1a"
 BYTE_ORDER_MARK, FORMAT = 0x01020304, 1
+HEADER, SIZES = 32, 64  # bytes
+TEXT = 14  # place of its length among the sizes
 N_GAINS = 16
 NO_AXIS = 0xFFFFFFFF
 # by their numbers in C
@@ -121,6 +124,26 @@ def table_blob(
     ]
     body = b"".join(part + bytes(-len(part) % 8) for part in parts)
     return MAGIC + struct.pack("<4I8x", BYTE_ORDER_MARK, FORMAT, len(body), zlib.crc32(body)) + body
+
+
+def blob_text(blob: bytes) -> str:
+    """The text of a blob."""
+    length = struct.unpack_from("<I", blob, HEADER + 4 * TEXT)[0]
+    return blob[HEADER + SIZES : HEADER + SIZES + length].decode()
+
+
+def blob_vertices(blob: bytes) -> int:
+    """Vertices that one reference reads: of every tensor product that its orders make."""
+    words = np.frombuffer(blob, "<u4", count=len(blob) // 4)
+    begin = (HEADER + SIZES + -(-len(blob_text(blob).encode()) // 8) * 8) // 4
+    counts = words[begin : begin + 10 * int(words[HEADER // 4 + 2])].reshape(-1, 10)[:, :2].tolist()
+    curved = [n > 2 and order == ORDERS[Order.SECOND_DIFFERENCES] for n, order in counts]
+    widths = [
+        min(n, 2 if order == ORDERS[Order.SECOND_DIFFERENCES] else order) for n, order in counts
+    ]
+    base = prod(widths)
+    extra = [base // width * min(n, 4) for (n, _), width in zip(counts, widths, strict=True)]
+    return base + sum(part for part, bends in zip(extra, curved, strict=True) if bends)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

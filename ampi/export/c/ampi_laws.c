@@ -84,13 +84,13 @@ static double slope_between(const ampi_table *table, const ampi_guidance *guidan
     return (*way > 0.0) ? (passed / *way) : 0.0;
 }
 
-/* Time at which `along` reaches a value, Eq. (1) of ampi/onboard/flown_references.py; held at both ends. */
+/* Time at which `along` reaches a value, held at the ends: Eq. (1) of ampi/onboard/flown_references.py. */
 static double instant_of(const ampi_table *table, const ampi_guidance *guidance, double value)
 {
     const double *along = guidance->along, final_time = guidance->reference.final_time;
     const size_t last = table->n.points - 1u;
-    double way, w, begin, end, slope, before, after, left, right, bend, other, instant;
-    bool is_left, is_right;
+    double way, w, begin, end, slope, before, after, left, right, bend, other, inside, ahead, back;
+    bool is_left, is_right, jumps;
     size_t i = 0u, n;
 
     for (n = last; n > 1u; n -= n / 2u) { /* the last point but one that is reached */
@@ -105,16 +105,15 @@ static double instant_of(const ampi_table *table, const ampi_guidance *guidance,
     right = slope_between(table, guidance, i + 1u, ((i + 2u) < last) ? (i + 2u) : last, &after);
     is_left = (left <= (ALIKE * slope)) && (slope <= (ALIKE * left));
     is_right = (right <= (ALIKE * slope)) && (slope <= (ALIKE * right));
-    bend = is_left ? (way * (left - slope) / (way + before)) : 0.0;
-    other = is_right ? (way * (right - slope) / (way + after)) : -bend;
-    bend = is_left ? bend : -other;
-    instant = begin + way * w * (slope + (1.0 - w) * ((1.0 - w) * bend - w * other));
-    if ((left > 0.0) && (right > 0.0) && !is_left && !is_right) { /* the look-up jumps */
-        const double inside = clipped(value, along[i], along[i + 1u]);
-        instant = (w < 0.5) ? least(begin + (inside - along[i]) * left, end)
-                            : most(end - (along[i + 1u] - inside) * right, begin);
-    }
-    return instant;
+    bend = chosen(is_left, way * (left - slope) / (way + before), 0.0);
+    other = chosen(is_right, way * (right - slope) / (way + after), -bend);
+    bend = chosen(is_left, bend, -other);
+    inside = clipped(value, along[i], along[i + 1u]);
+    ahead = least(begin + (inside - along[i]) * left, end);
+    back = most(end - (along[i + 1u] - inside) * right, begin);
+    jumps = (left > 0.0) && (right > 0.0) && !is_left && !is_right;
+    return chosen(jumps, chosen(w < 0.5, ahead, back),
+                  begin + way * w * (slope + (1.0 - w) * ((1.0 - w) * bend - w * other)));
 }
 
 double ampi_instant(const ampi_guidance *guidance, const ampi_table *table, const double *state,
@@ -127,10 +126,10 @@ double ampi_instant(const ampi_guidance *guidance, const ampi_table *table, cons
     const bool is_felt = !is_by_time && !(-sensed[0] <= gain[FELT_DRAG]); /* not known: felt */
     double value = guidance->now + (is_by_time ? 0.0 : BEFORE_AIR);
 
-    value = is_felt ? energy_lost(gain, state[ALTITUDE], state[SPEED]) : value;
+    value = chosen(is_felt, energy_lost(gain, state[ALTITUDE], state[SPEED]), value);
     *is_ended = (value >= end);
     *is_lost = (value != value);
-    value = *is_lost ? end : value;
+    value = chosen(*is_lost, end, value);
     return is_by_time ? value : instant_of(table, guidance, value);
 }
 
@@ -140,8 +139,8 @@ static accelerations sensed_of(const double *at, const double *sensed)
     const double reference = exp(at[LOG_DRAG]);
     accelerations felt = {drag, lift, (drag > 0.0) && (drag < HUGE_VAL) && (lift < HUGE_VAL)};
 
-    felt.drag = felt.is_known ? drag : reference;
-    felt.lift = felt.is_known ? lift : (reference * fabs(at[LIFT_TO_DRAG]));
+    felt.drag = chosen(felt.is_known, drag, reference);
+    felt.lift = chosen(felt.is_known, lift, reference * fabs(at[LIFT_TO_DRAG]));
     return felt;
 }
 
@@ -167,7 +166,7 @@ static double steered(const double *gain, const double *at, const double *state,
 {
     const double inside = clipped(cosine, -1.0, 1.0);
     const bool is_used = (felt.drag > gain[FELT_DRAG]) && (inside == inside);
-    const double size = is_used ? acos(inside) : fabs(at[BANK]);
+    const double size = chosen(is_used, acos(inside), fabs(at[BANK]));
     const double side = side_of(gain, at, state, turning), own = (at[BANK] < 0.0) ? -1.0 : 1.0;
     const double missing = side * size - state[BANK], far = fabs(missing);
     const double approach = least(gain[TURN_RATE] * far, sqrt(2.0 * gain[BRAKING] * far));
@@ -204,7 +203,7 @@ static double drag_sliding_mode(ampi_guidance *guidance, const double *gain, con
     const double forgotten = -expm1(-gain[BANDWIDTH] * step), steep = most(slope, LEAST_SLOPE);
     double *memory = guidance->memory;
     const double off = log(felt.drag / drag) - slope * memory[ANGLE];
-    const double error = felt.is_known ? off : 0.0;
+    const double error = chosen(felt.is_known, off, 0.0);
     const double s = rate + gain[LAMBDA] * drag * error;
     const double known = gain[LAMBDA] * drag * rate - authority * above;
     const bool is_acting = (felt.drag > gain[FELT_DRAG]) && (fabs(s + known) < HUGE_VAL);
@@ -212,13 +211,13 @@ static double drag_sliding_mode(ampi_guidance *guidance, const double *gain, con
     const double d = memory[DISTURBANCE] + forgotten * forgotten / step * (s - ahead);
     double asked, cosine, spare, wanted, change;
 
-    memory[DISTURBANCE] = is_acting ? clipped(d, -bound, bound) : 0.0;
-    memory[SURFACE] = is_acting ? (ahead + forgotten * (2.0 - forgotten) * (s - ahead)) : 0.0;
+    memory[DISTURBANCE] = chosen(is_acting, clipped(d, -bound, bound), 0.0);
+    memory[SURFACE] = chosen(is_acting, ahead + forgotten * (2.0 - forgotten) * (s - ahead), 0.0);
     asked = gain[REACHING] * s + gain[SWITCHING] * s / (fabs(s) + gain[BOUNDARY]);
     asked = memory[DISTURBANCE] + drag * (gain[LAMBDA] * rate + asked);
     cosine = (vertical + asked / authority) / felt.lift; /* Eq. (4) */
-    spare = is_acting ? most(1.0 - cosine, 0.0) : 0.0;
-    wanted = (is_acting && (slope >= LEAST_SLOPE)) ? (-error / steep) : 0.0; /* Eq. (5) */
+    spare = chosen(is_acting, most(1.0 - cosine, 0.0), 0.0);
+    wanted = chosen(is_acting && (slope >= LEAST_SLOPE), -error / steep, 0.0); /* Eq. (5) */
     wanted = clipped(most(wanted, -spare / steep), -gain[MOST_ANGLE], gain[MOST_ANGLE]);
     change = gain[ANGLE_RATE] * step;
     memory[ANGLE] = clipped(wanted, memory[ANGLE] - change, memory[ANGLE] + change);

@@ -26,10 +26,20 @@ enum {
     N_LINEAR_ROWS = FIRST_GAIN + 7
 };
 
+/* One of two by its place: as many instructions for the one as for the other, as no branch takes. */
+static inline double chosen(bool is_first, double first, double second)
+{
+    const double of[2] = {second, first};
+    return of[is_first ? 1u : 0u];
+}
+
 /* As numpy's minimum and maximum: NaN if one of the two is. C's fmin and fmax swallow it. */
-static inline double least(double a, double b) { return ((a < b) || (a != a)) ? a : b; }
-static inline double most(double a, double b) { return ((a > b) || (a != a)) ? a : b; }
+static inline double least(double a, double b) { return chosen((a < b) | (a != a), a, b); }
+static inline double most(double a, double b) { return chosen((a > b) | (a != a), a, b); }
 static inline double clipped(double x, double low, double high) { return least(most(x, low), high); }
+
+/* As rint up to 2^51, whatever the compiler makes of that: as many instructions for NaN as for 1. */
+static inline double nearest(double x) { return (x + 6755399441055744.0) - 6755399441055744.0; }
 
 /* Number i at a place of the blob; by copy, for it is not aligned. */
 static inline double number(const ampi_table *table, size_t place, size_t i)
@@ -42,7 +52,7 @@ static inline double number(const ampi_table *table, size_t place, size_t i)
 /* `angle` less the whole turns, three at most, that bring it nearest to `reference`. */
 static inline double on_turn_of(double angle, double reference)
 {
-    return angle - AMPI_TURN * clipped(rint((angle - reference) / AMPI_TURN), -3.0, 3.0);
+    return angle - AMPI_TURN * clipped(nearest((angle - reference) / AMPI_TURN), -3.0, 3.0);
 }
 
 /* Time (s) of a high-density point. */

@@ -274,7 +274,7 @@ void ampi_row_at(const ampi_table *table, const ampi_reference *reference, doubl
     const double end = reference->final_time, t = clipped(time, start_of(table, 0u, end), end);
     double factors[AMPI_MAX_DEGREE_NODES], basis[AMPI_MAX_DEGREE_NODES];
     double half, tau, left = 1.0, right = 1.0;
-    size_t i, r, s = 0u, last;
+    size_t slot[AMPI_MAX_DEGREE_NODES], i, r, s = 0u, last;
 
     for (i = 1u; i < table->n.segments; i++) {
         s += (start_of(table, i, end) <= t) ? 1u : 0u;
@@ -283,6 +283,7 @@ void ampi_row_at(const ampi_table *table, const ampi_reference *reference, doubl
     half = table->segment[s].half_length[0] + table->segment[s].half_length[1] * end;
     tau = (t - start_of(table, s, end)) / half - 1.0;
     for (i = 0u; i < k; i++) { /* no division, no singular node */
+        slot[i] = smaller(i, last); /* a finite number, times 0 */
         factors[i] = (i <= last) ? (tau - number(table, table->basis[s], i)) : 1.0;
         basis[i] = number(table, table->basis[s], k + i) * left;
         left *= factors[i];
@@ -295,7 +296,7 @@ void ampi_row_at(const ampi_table *table, const ampi_reference *reference, doubl
         const ampi_real *values = &reference->rows[r * table->n.nodes + table->first_node[s]];
         double sum = 0.0;
         for (i = 0u; i < k; i++) {
-            sum += basis[i] * (double)values[smaller(i, last)];
+            sum += basis[i] * (double)values[slot[i]];
         }
         row[r] = sum;
     }

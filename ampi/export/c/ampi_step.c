@@ -74,36 +74,38 @@ void ampi_guidance_follow(ampi_guidance *guidance, const ampi_table *table,
     }
 }
 
-/* Takes the time of this command, and how long the command may stand; whether time goes on. */
+/* Takes the time of this command, and how long the command may stand; whether time goes on. All is
+   computed whatever it is, so that every cycle takes as many instructions. */
 static bool advance(ampi_guidance *guidance, const ampi_table *table, double time)
 {
-    const double step = time - guidance->given;
-    bool goes_on = (AMPI_SHORTEST <= step) && (step <= (LONGEST * table->set.cycle));
+    const double step = time - guidance->given, cycle = table->set.cycle;
+    const bool goes_on = (AMPI_SHORTEST <= step) && (step <= (LONGEST * cycle));
+    const bool is_sane = fabs(time) < AMPI_SANE, is_known = guidance->interval > 0.0; /* is a cycle? */
+    const bool is_first = !goes_on && is_sane && (guidance->begins != 0u);
+    const double before = chosen(is_known, guidance->interval, step);
+    const double low = least(step, before), high = most(step, before);
+    const double shortest = chosen(is_known, guidance->shortest, step);
+    const double longest = chosen(is_known, guidance->longest, step);
+    const double counted = guidance->now + (is_known ? guidance->interval : cycle);
+    const double given = chosen(is_sane, time, guidance->given);
+    double forgot;
 
-    guidance->is_first = 0u;
-    if (goes_on) {
-        const bool is_known = guidance->interval > 0.0; /* else this is the first */
-        const double before = is_known ? guidance->interval : step;
-        const double low = least(step, before), high = most(step, before);
-        const double shortest = is_known ? guidance->shortest : step;
-        const double longest = is_known ? guidance->longest : step;
-        /* of two, lest a silence counts as a cycle; both bounds forget slowly */
-        guidance->shortest = least(low, shortest + FORGOTTEN * (low - shortest));
-        guidance->longest = most(high, longest + FORGOTTEN * (high - longest));
-        guidance->expected = low;
-        guidance->interval = step;
-        guidance->now = time;
-    } else if ((guidance->begins != 0u) && (fabs(time) < AMPI_SANE)) {
+    if (is_first) {
         restart(guidance, table);
-        guidance->now = time;
-        guidance->interval = (table->n.is_cycle_stated != 0u) ? table->set.cycle : (double)NAN;
-        goes_on = true;
-    } else {
-        guidance->now += (guidance->interval > 0.0) ? guidance->interval : table->set.cycle;
+        guidance->interval = (table->n.is_cycle_stated != 0u) ? cycle : (double)NAN;
     }
-    guidance->begins = goes_on ? 0u : guidance->begins;
-    guidance->given = (fabs(time) < AMPI_SANE) ? time : guidance->given;
-    return goes_on;
+    /* of two, lest a silence counts as a cycle; both bounds forget slowly */
+    forgot = least(low, shortest + FORGOTTEN * (low - shortest));
+    guidance->shortest = chosen(goes_on, forgot, guidance->shortest);
+    forgot = most(high, longest + FORGOTTEN * (high - longest));
+    guidance->longest = chosen(goes_on, forgot, guidance->longest);
+    guidance->expected = chosen(goes_on, low, guidance->expected);
+    guidance->interval = chosen(goes_on, step, guidance->interval);
+    guidance->now = chosen(goes_on || is_first, time, counted);
+    guidance->begins = (goes_on || is_first) ? 0u : guidance->begins;
+    guidance->is_first = is_first ? 1u : 0u;
+    guidance->given = given;
+    return goes_on || is_first;
 }
 
 /* Whether the table flies such states; longitude and azimuth may be on another turn. */
@@ -111,9 +113,11 @@ static bool is_plausible(const ampi_table *table, const double *state)
 {
     size_t i, within = 0u;
     for (i = 0u; i < AMPI_N_STATES; i++) {
-        const double error = state[i] - table->set.middle[i], turned = on_turn_of(error, 0.0);
-        const double size = fabs(((i == LONGITUDE) || (i == AZIMUTH)) ? turned : error);
-        within += (size <= table->set.reach[i]) ? 1u : 0u;
+        double error = state[i] - table->set.middle[i];
+        if ((i == LONGITUDE) || (i == AZIMUTH)) {
+            error = on_turn_of(error, 0.0);
+        }
+        within += (fabs(error) <= table->set.reach[i]) ? 1u : 0u;
     }
     return within == AMPI_N_STATES;
 }
@@ -122,10 +126,10 @@ static bool is_plausible(const ampi_table *table, const double *state)
 static double bank_angle(const ampi_guidance *guidance, const ampi_table *table, double told)
 {
     const double reference = guidance->row[BANK];
-    const double last = (guidance->bank != guidance->bank) ? reference : guidance->bank;
+    const double last = chosen(guidance->bank != guidance->bank, reference, guidance->bank);
     const double bank = (fabs(told) <= table->set.reach[BANK]) ? told : last;
     const double near = most(guidance->limit[0] - NEAR_INVERTED, 0.0);
-    return bank - AMPI_TURN * rint((bank - clipped(reference, -near, near)) / AMPI_TURN);
+    return bank - AMPI_TURN * nearest((bank - clipped(reference, -near, near)) / AMPI_TURN);
 }
 
 /* Greatest rate that stops within `room`, braking by a c in each cycle c; a rate back if none does. */
@@ -137,36 +141,41 @@ static double stopping_rate(double room, double a, double cycle)
     return stopping + 2.0 * least(room, 0.0) / cycle; /* one of the two is 0 */
 }
 
+/* After `rate` the one nearest to what is wanted, within `fastest` and a change; no NaN but of NaN. */
+static double next_rate(double rate, double wanted, double fastest, double change)
+{
+    return clipped(clipped(wanted, -fastest, fastest), rate - change, rate + change);
+}
+
 /* The rate at the end of this cycle, within the limits of angle, rate and acceleration. */
 static double limited_rate(const ampi_guidance *guidance, double bank, double rate, double command)
 {
-    const double cycle = guidance->longest, fastest = guidance->limit[1];
-    const double a = guidance->limit[2] * (guidance->shortest / cycle), change = a * cycle;
+    const double cycle = guidance->longest;
+    const double a = guidance->limit[2] * (guidance->shortest / cycle);
     const double ahead = bank + 0.5 * rate * cycle;
     const double up = stopping_rate(guidance->limit[0] - ahead, a, cycle);
     const double down = stopping_rate(guidance->limit[0] + ahead, a, cycle);
-    const double wanted = clipped(clipped(command, -down, up), -fastest, fastest);
-    return clipped(wanted, rate - change, rate + change);
+    return next_rate(rate, clipped(command, -down, up), guidance->limit[1], a * cycle);
 }
 
 ampi_command ampi_guidance_step(ampi_guidance *guidance, const ampi_table *table, double time,
                                 const double navigation[AMPI_N_NAVIGATED], const double *sensed)
 {
     ampi_command command = {0.0, 0.0, 0.0, AMPI_HELD, AMPI_NOT_BEGUN};
-    double told[AMPI_N_NAVIGATED], state[AMPI_N_STATES], felt[3], bank, rate, own, wanted, angle, last;
-    bool is_in_time, is_ended, is_lost, is_state, is_rate, is_known = true;
-    size_t i;
+    static const double NOTHING[AMPI_N_NAVIGATED] = {NAN, NAN, NAN, NAN, NAN, NAN, NAN, NAN};
+    const double *told = (navigation != NULL) ? navigation : NOTHING;
+    const double *felt = (sensed != NULL) ? sensed : NOTHING;
+    double state[AMPI_N_STATES], bank, rate, own, wanted, angle, last;
+    bool is_in_time, is_ended, is_lost, is_state, is_rate;
+    size_t i, known = 0u;
+    int32_t fault;
 
     if ((table->is_open != AMPI_OPEN) || (guidance->is_begun != AMPI_OPEN)
         || (guidance->reference.checksum != table->checksum)) {
         return command;
     }
     for (i = 0u; i < AMPI_N_NAVIGATED; i++) {
-        told[i] = (navigation != NULL) ? navigation[i] : (double)NAN;
-        is_known = is_known && (fabs(told[i]) < AMPI_SANE);
-    }
-    for (i = 0u; i < 3u; i++) {
-        felt[i] = (sensed != NULL) ? sensed[i] : (double)NAN;
+        known += (fabs(told[i]) < AMPI_SANE) ? 1u : 0u;
     }
     is_in_time = advance(guidance, table, time);
     if (guidance->is_first != 0u) {
@@ -179,29 +188,25 @@ ampi_command ampi_guidance_step(ampi_guidance *guidance, const ampi_table *table
     is_state = is_plausible(table, told);
     is_rate = fabs(told[BANK_RATE]) <= (FASTEST * guidance->limit[1]);
     for (i = 0u; i < AMPI_N_STATES; i++) {
-        state[i] = is_state ? told[i] : guidance->row[i]; /* for the law's memory */
+        state[i] = chosen(is_state, told[i], guidance->row[i]); /* for the law's memory */
     }
     state[BANK] = bank;
     wanted = ampi_law_command(guidance, table, state, felt, &angle);
-    wanted = is_state ? wanted : own;
-    angle = is_state ? angle : guidance->angle;
+    wanted = chosen(is_state, wanted, own);
+    angle = chosen(is_state, angle, guidance->angle);
 
-    command.health = guidance->reference.health;
-    if (!(is_state && is_rate)) {
-        command.health = is_known ? AMPI_IMPLAUSIBLE_NAVIGATION : AMPI_BAD_NAVIGATION;
-    }
+    fault = (known == AMPI_N_NAVIGATED) ? AMPI_IMPLAUSIBLE_NAVIGATION : AMPI_BAD_NAVIGATION;
+    command.health = (is_state && is_rate) ? guidance->reference.health : fault;
     command.health = is_in_time ? command.health : AMPI_BAD_TIME;
     command.health = is_ended ? AMPI_AFTER_FINAL_TIME : command.health;
     command.steering = is_state ? AMPI_TRACKED : AMPI_REFERENCE;
-    if (is_ended || is_lost) {
-        wanted = 0.0;
-        command.steering = AMPI_HELD;
-    }
+    command.steering = (is_ended || is_lost) ? AMPI_HELD : command.steering;
+    wanted = chosen(is_ended || is_lost, 0.0, wanted);
     /* The limits are of commands: from the measured rate, behind a lag of half a second at 10 Hz, they
        would leave a fifth of the acceleration, and the bank angle would overshoot by 19 deg. */
-    last = (guidance->rate != guidance->rate) ? own : guidance->rate;
-    rate = is_rate ? told[BANK_RATE] : last;
-    last = (guidance->rate != guidance->rate) ? rate : guidance->rate;
+    last = chosen(guidance->rate != guidance->rate, own, guidance->rate);
+    rate = chosen(is_rate, told[BANK_RATE], last);
+    last = chosen(guidance->rate != guidance->rate, rate, guidance->rate);
     guidance->rate = limited_rate(guidance, bank, last, wanted);
     guidance->bank = bank + 0.5 * (rate + guidance->rate) * guidance->expected;
     guidance->angle = angle;
