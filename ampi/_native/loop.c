@@ -7,10 +7,14 @@
 #define EACH_LANE for (size_t i = 0; i < AMPI_LANES; i++)
 
 void ampi_loop_begin(ampi_loop *loop) {
-    const ampi_list *const begin = &loop->plant.program->begin;
+    const ampi_program *const program = loop->plant.program;
+    const ampi_list *const lists[] = {&program->rates, &program->rates_and_use, &program->sensed};
     const ampi_lanes *const fixed = (const ampi_lanes *)loop->fixed;
     loop->cycle = 0;
-    loop->engine->run(begin, loop->plant.places, loop->plant.program->scalars);
+    for (size_t k = 0; k < sizeof lists / sizeof lists[0]; k++) {
+        loop->engine->forget(lists[k], loop->plant.places);
+    }
+    loop->engine->run(&program->begin, loop->plant.places, program->scalars);
     memcpy(loop->x, fixed[AMPI_FIX_entry], sizeof loop->x);
     memcpy(loop->flown[PLANT_RATE], fixed[AMPI_FIX_bank_rate], sizeof(ampi_lanes));
     memset(loop->flown[PLANT_ANGLE], 0, sizeof(ampi_lanes));

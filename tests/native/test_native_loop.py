@@ -73,7 +73,7 @@ def test_a_whole_flight_has_the_same_bits_where_the_sines_have(
     numpy = flown(closed_loop, mission, guidance, "everything", 5)
     assert_same_flights(native, numpy)
     angles = np.linspace(-4.0, 4.0, 10_000)
-    code = np.array([core().OPCODES["sincos_v"], 1, 2, 0, 0, 0], dtype=np.uint16)
+    code = np.array([core().OPCODES["sincos_v"], 1, 2, 0, 0xFFFF, 0], dtype=np.uint16)
     found = np.empty((2, len(angles)))
     places = np.array([1, 2], dtype=np.uint16)
     core().evaluate(code, places, 3, np.zeros(0), angles, len(angles), found, "")
