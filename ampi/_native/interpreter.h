@@ -150,7 +150,7 @@ static void forget(const ampi_list *list, double *places) {
         const ampi_instruction *const at = &list->code[k];
         if (at->opcode == AMPI_OP_sincos_v && at->b != AMPI_NOWHERE) {
             for (int i = 0; i < AMPI_LANES; i++) {
-                PLACE(at->b)[i] = PLACE(at->result)[i] = PLACE(at->second)[i] = NAN;
+                PLACE(at->b)[i] = PLACE(at->result)[i] = PLACE(at->second)[i] = (double)NAN;
             }
         }
     }
