@@ -16,10 +16,11 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from ampi.guidance import Command, Guidance
+    from ampi.guidance import Guidance
     from ampi.loading import load_guidance
     from ampi.missions.loading import load_mission
     from ampi.missions.mission import Mission
+    from ampi.onboard.command import Command
     from ampi.onboard.health import Health, Steering
     from ampi.onboard.reference import Mode, Reference
     from ampi.scp.condensed.settings import SolverSettings
@@ -41,7 +42,7 @@ if TYPE_CHECKING:
     __version__: str
 
 _HOME = {
-    "Command": "ampi.guidance",
+    "Command": "ampi.onboard.command",
     "ConstantBank": "ampi.scp.guess",
     "FlightStatus": "ampi.simulation.plant",
     "Flights": "ampi.simulation.flights",

@@ -11,23 +11,28 @@ unusual is told by the `health` of the command.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ampi._native.engine import core
+from ampi.compiled_cycle import CompiledCycle, why_not_compiled
+from ampi.export.blob import Kind, table_blob
+from ampi.guidance_cycle import GuidanceCycle
 from ampi.onboard.certificate import Certificate, Certifier
-from ampi.onboard.clock import SHORTEST, CycleClock
+from ampi.onboard.clock import NOMINAL_CYCLE, SHORTEST
+from ampi.onboard.command import Command
 from ampi.onboard.flown_references import FlownReferences
-from ampi.onboard.health import Health, Steering
-from ampi.onboard.plausibility import BANK, SANE, number, rows, vectors
+from ampi.onboard.plausibility import SANE, number, rows, vectors
 from ampi.onboard.reference import Mode, Reference, ReferenceGenerator
 from ampi.onboard.row_layout import N_STATES
 from ampi.onboard.subspace import Order
 from ampi.onboard.table import GuidanceTable
-from ampi.tracking.bank_limiter import NEAR_INVERTED, BankLimits, bank_on_turn, limited_rate
-from ampi.tracking.law import Told, TrackingLaw
+from ampi.tracking.bank_limiter import BankLimits
+from ampi.tracking.law import TrackingLaw
 from ampi.tracking.linear_quadratic import LinearQuadratic
 
 Array = NDArray[np.float64]
@@ -35,18 +40,6 @@ Array = NDArray[np.float64]
 N_NAVIGATED = N_STATES + 1  # the states and the bank rate
 N_SENSED = 3
 ENGINES = ("auto", "native", "numpy")
-FASTEST = 2.0  # times the rate limit; a vehicle that is said to roll faster is told in another unit
-
-
-@dataclass(frozen=True)
-class Command:
-    """For one cycle; numbers of one flight, or arrays (n,)."""
-
-    bank_rate: Any  # rad/s, to be reached at the end of the cycle
-    bank_angle: Any  # rad, there
-    angle_of_attack: Any  # rad, to be added to the schedule's
-    steering: Any  # Steering, by what; of n flights their numbers
-    health: Any  # Health; of n flights their numbers
 
 
 class Guidance:
@@ -81,11 +74,11 @@ class Guidance:
         self.limit_axes = dict(limit_axes or {})
         _check(table, limits, cycle, self.limit_axes, self.law)
         self.mission_sha256 = mission_sha256  # of the database's mission; None if made by hand
-        self.engine = _engine(engine, self.law)
         self.orders = None if orders is None else tuple(orders)
         self.certifier = certifier  # None: nothing is known on board of vehicle and air
         self._generator = ReferenceGenerator(table, self.mode, self.orders)
-        self._clock = CycleClock(cycle)
+        self.engine = self._engine(engine)
+        self._stated_cycle = cycle
         self._allocate(1)
 
     def __reduce__(self) -> tuple[object, ...]:
@@ -95,12 +88,7 @@ class Guidance:
     @property
     def cycle(self) -> float:
         """The nominal cycle (s)."""
-        return self._clock.nominal
-
-    @property
-    def first_cycle(self) -> tuple[float, float]:
-        """Shortest and longest (s) that the first cycle may be."""
-        return self._clock.first
+        return NOMINAL_CYCLE if self._stated_cycle is None else float(self._stated_cycle)
 
     @property
     def flown(self) -> FlownReferences:
@@ -110,7 +98,8 @@ class Guidance:
     @property
     def tracked_states(self) -> Array:
         """States (7, n) of the references where the last command has looked them up."""
-        return self._tracked
+        tracked: Array = self._cycle.tracked[self.table.layout.states]
+        return tracked
 
     def in_mode(self, mode: Mode | str) -> Guidance:
         """The same table flown in another mode."""
@@ -124,13 +113,27 @@ class Guidance:
         """The same computed by another engine: "native", "numpy", or "auto", native where it is."""
         return Guidance(**self._settings(engine=engine))
 
+    def blob(self, kind: Kind = "float64", about: str = "") -> bytes:
+        """All that flies, as the flight code in C opens it (`ampi.export.blob.table_blob`)."""
+        return table_blob(
+            self.table,
+            self.law,
+            self.limits,
+            mode=self.mode,
+            orders=self.orders,
+            limit_axes=self.limit_axes,
+            cycle=self._stated_cycle,
+            kind=kind,
+            about=about,
+        )
+
     def _settings(self, **changes: Any) -> dict[str, Any]:
         return {
             "table": self.table,
             "limits": self.limits,
             "mode": self.mode,
             "law": self.law,
-            "cycle": self._clock.stated,
+            "cycle": self._stated_cycle,
             "limit_axes": self.limit_axes,
             "mission_sha256": self.mission_sha256,
             "orders": self.orders,
@@ -156,14 +159,7 @@ class Guidance:
 
     def reset(self) -> None:
         """Begin a new flight: the next command is the first, whatever its time."""
-        self._clock.reset()
-        self._forget()
-
-    def _forget(self) -> None:
-        """Nothing has been commanded yet."""
-        n = len(self._flown)
-        self._rate, self._bank, self._angle = np.full(n, np.nan), np.full(n, np.nan), np.zeros(n)
-        self._memory = self.law.memory(n)
+        self._cycle.reset()
 
     def reference(self, parameters: ArrayLike) -> Reference:
         """Reference for the measured parameters p (d,) of the table (SI, rad), in its order.
@@ -171,7 +167,7 @@ class Guidance:
         Its arrays belong to the guidance and are overwritten by the next call; keep a `copy`. It is not
         flown before `follow`.
         """
-        self._clock.expect_begin()
+        self._cycle.expect_begin()
         return self._generator.reference(parameters)
 
     def certificate(self, reference: Reference) -> Certificate:
@@ -213,16 +209,33 @@ class Guidance:
         self._follow(np.array([own.parameters for own in given]))
 
     def _follow(self, parameters: Array) -> None:
-        self._flown.look_up_by(self.law.along)
-        self._own_limits = self.limits_at(parameters)
+        self._cycle.follow(parameters, self.limits_at(parameters))
 
     def _allocate(self, n: int) -> None:
         self._flown = FlownReferences(n, self.table)
-        self._tracked = np.full((N_STATES, n), np.nan)
         self._unfelt = np.full((N_SENSED, n), np.nan)
-        self._as_tracked = np.full(n, int(Steering.TRACKED))
-        self._own_limits = self.limits
-        self._forget()
+        self._cycle = self._cycle_of(self._flown)
+
+    def _cycle_of(self, flown: FlownReferences) -> GuidanceCycle | CompiledCycle:
+        if self.engine == "native":
+            return CompiledCycle(flown, self.opened)
+        return GuidanceCycle(flown, self.law, self._stated_cycle)
+
+    @cached_property
+    def opened(self) -> Any:
+        """The table as the native engine has opened it."""
+        return core().Table(self.blob())
+
+    def _engine(self, asked: str) -> str:
+        """The engine that computes, by its name."""
+        if asked not in ENGINES:
+            raise ValueError(f"engine: expected one of {', '.join(ENGINES)}, got {asked!r}")
+        if asked == "numpy":
+            return asked
+        reason = why_not_compiled(self._generator.table, self.law, self._generator.orders)
+        if reason is not None and asked == "native":
+            raise ValueError(f"engine: expected numpy or auto, got native: {reason}")
+        return "native" if reason is None else "numpy"
 
     def step(self, time: float, navigation: ArrayLike, sensed: ArrayLike | None = None) -> Command:
         """Commands of one guidance cycle. Never an exception: what is unusual is the `health`.
@@ -238,92 +251,10 @@ class Guidance:
             where the law does not use it.
         """
         n = len(self._flown)
-        with np.errstate(all="ignore"):  # of nonsense the health tells
-            navigated, is_one = vectors(navigation, N_NAVIGATED, n)
-            felt = self._unfelt if sensed is None else vectors(sensed, N_SENSED, n)[0]
-            in_time = self._clock.advance(number(time))
-            if self._clock.is_first:
-                self._forget()
-            told = Told(navigated[:N_STATES], felt, self._clock.expected)
-            return self._steered(told, navigated[N_STATES], in_time=in_time, is_one=is_one)
-
-    def _steered(self, told: Told, rate: Array, *, in_time: bool, is_one: bool) -> Command:
-        """The command, once time and shapes are known."""
-        at, ended, lost = self._look_up(told)
-        layout, limits = self.table.layout, self._own_limits
-        own, state = at[layout.bank_rate], told.state
-        self._tracked = at[layout.states]
-        plausible = self.table.envelope.holds(state)
-        rolls = np.abs(rate) <= FASTEST * limits.rate
-        health = self._flown.health.copy()
-        bank = self._bank_angle(state[BANK].copy(), at[BANK])
-        if not (plausible.all() and rolls.all()):
-            known = (np.abs(state) < SANE).all(axis=0) & (np.abs(rate) < SANE)
-            fault = np.where(known, Health.IMPLAUSIBLE_NAVIGATION, Health.BAD_NAVIGATION)
-            health = np.where(plausible & rolls, health, fault)
-            rate = np.where(rolls, rate, np.where(np.isnan(self._rate), own, self._rate))
-            state[:] = np.where(plausible, state, at[layout.states])  # for the law's memory
-        state[BANK] = bank
-        asked, angle = self.law.command(at, told, self._memory)
-        wanted, steering, held = asked, np.full(len(asked), int(Steering.TRACKED)), ended | lost
-        if not plausible.all():
-            wanted = np.where(plausible, asked, own)
-            steering = np.where(plausible, steering, Steering.REFERENCE)
-            angle = np.where(plausible, angle, self._angle)
-        if not in_time:
-            health = np.full(len(health), int(Health.BAD_TIME))
-        if held.any():
-            wanted = np.where(held, 0.0, wanted)
-            health = np.where(ended, Health.AFTER_FINAL_TIME, health)
-            steering = np.where(held, Steering.HELD, steering)
-        clock = self._clock
-        # The limits are of commands: from the measured rate, behind a lag of half a second at 10 Hz,
-        # they would leave a fifth of the acceleration, and the bank angle would overshoot by 19°.
-        last = np.where(np.isnan(self._rate), rate, self._rate)
-        new = limited_rate(limits, bank, last, wanted, clock.longest, clock.shortest)
-        self._rate, self._angle = new, angle
-        self._bank = bank + 0.5 * (rate + new) * clock.expected
-        return _command(new, self._bank, self._angle, steering, health, is_one=is_one)
-
-    def _look_up(self, told: Told) -> tuple[Array, NDArray[np.bool_], NDArray[np.bool_]]:
-        """Rows of the references (r, n) at this instant; which have ended; of which it is unknown."""
-        end = self._flown.end
-        value = self.law.now(self._clock.now, told)
-        value = value + np.zeros(len(end))
-        ended, lost = value >= end, np.isnan(value)
-        if lost.any():
-            value = np.where(lost, end, value)
-        return self._flown.at(value), ended, lost
-
-    def _bank_angle(self, told: Array, reference: Array) -> Array:
-        """The bank angles (n,) on their turn; one that is lost is that of the last command."""
-        known = np.abs(told) <= self.table.envelope.reach[BANK]
-        if not known.all():
-            told = np.where(known, told, np.where(np.isnan(self._bank), reference, self._bank))
-        # otherwise all are on their turn, where it changes no bit
-        if np.abs(told).max() > np.pi or np.max(self._own_limits.angle) > NEAR_INVERTED:
-            told = bank_on_turn(self._own_limits, told, reference)
-        return told
-
-
-def _command(
-    rate: Array,
-    bank: Array,
-    angle: Array,
-    steering: NDArray[np.int64],
-    health: NDArray[np.int64],
-    *,
-    is_one: bool,
-) -> Command:
-    if not is_one:
-        return Command(rate, bank, angle, steering, health)
-    return Command(
-        float(rate[0]),
-        float(bank[0]),
-        float(angle[0]),
-        Steering(int(steering[0])),
-        Health(int(health[0])),
-    )
+        navigated, is_one = vectors(navigation, N_NAVIGATED, n)
+        felt = self._unfelt if sensed is None else vectors(sensed, N_SENSED, n)[0]
+        command = self._cycle.step(number(time), navigated, felt)
+        return command.of_one() if is_one else command
 
 
 def _check(
@@ -352,12 +283,6 @@ def _check(
             f"({', '.join(row.name for row in law.layout.rows)}), got "
             f"{', '.join(row.name for row in table.layout.rows)}; load the database for this law"
         )
-
-
-def _engine(asked: str, law: TrackingLaw) -> str:
-    if asked not in ENGINES:
-        raise ValueError(f"engine: expected one of {', '.join(ENGINES)}, got {asked!r}")
-    return "numpy"
 
 
 def _restored(settings: dict[str, Any]) -> Guidance:

@@ -102,23 +102,70 @@ static PyObject *begin(PyObject *object, PyObject *parameters) {
     Py_RETURN_NONE;
 }
 
-static PyObject *follow(PyObject *object, PyObject *parameters) {
+/* follow(parameters (n, d), nodal (n, nodes, r), told (n, 2)): references of Python's own making, each with
+ * its final time and health. */
+static PyObject *follow(PyObject *object, PyObject *const *arguments, Py_ssize_t count) {
     GuidanceObject *const self = (GuidanceObject *)object;
-    Py_buffer told;
-    if (ampi_doubles(parameters, "parameters", self->n * self->table->n.axes, 0, &told) != 0) {
+    const ampi_table *const table = self->table;
+    const size_t axes = table->n.axes, rows = table->n.rows, nodes = table->n.nodes;
+    const size_t sizes[3] = {self->n * axes, self->n * nodes * rows, self->n * 2u};
+    const char *const names[3] = {"parameters", "nodal", "told"};
+    Py_buffer views[3];
+    int given = 0;
+    if (count != 3) {
+        PyErr_SetString(PyExc_TypeError, "follow: expected parameters, nodal, told");
         return NULL;
     }
-    ampi_reference *const reference = malloc(sizeof(ampi_reference));
-    if (reference != NULL) {
-        for (size_t i = 0; i < self->n; i++) {
-            const double *const own = (const double *)told.buf + i * self->table->n.axes;
-            ampi_reference_at(self->table, own, reference);
-            ampi_guidance_follow(&self->guidance[i], self->table, reference, own);
-        }
+    while (given < 3 && ampi_doubles(arguments[given], names[given], sizes[given], 0, &views[given]) == 0) {
+        given++;
     }
-    free(reference);
-    PyBuffer_Release(&told);
-    return reference == NULL ? PyErr_NoMemory() : Py_NewRef(Py_None);
+    ampi_reference *const own = given == 3 ? calloc(1, sizeof(ampi_reference)) : NULL;
+    for (size_t i = 0; own != NULL && i < self->n; i++) {
+        const double *const parameters = (const double *)views[0].buf + i * axes;
+        const double *const nodal = (const double *)views[1].buf + i * nodes * rows;
+        const double *const told = (const double *)views[2].buf + i * 2u;
+        for (size_t node = 0; node < nodes; node++) {
+            for (size_t row = 0; row < rows; row++) {
+                own->rows[row * nodes + node] = nodal[node * rows + row];
+            }
+        }
+        own->final_time = told[0];
+        own->health = (int32_t)told[1];
+        own->checksum = table->checksum;
+        if (self->guidance[i].is_begun == 0u) {
+            ampi_guidance_begin(&self->guidance[i], table, parameters);
+        }
+        const uint32_t begins = self->guidance[i].begins; /* Python says when a flight may begin */
+        ampi_guidance_follow(&self->guidance[i], table, own, parameters);
+        self->guidance[i].begins = begins;
+    }
+    const int failed = given == 3 && own == NULL;
+    free(own);
+    while (given > 0) {
+        PyBuffer_Release(&views[--given]);
+    }
+    if (failed) {
+        PyErr_NoMemory();
+    }
+    return PyErr_Occurred() != NULL ? NULL : Py_NewRef(Py_None);
+}
+
+static PyObject *reset(PyObject *object, PyObject *nothing) {
+    GuidanceObject *const self = (GuidanceObject *)object;
+    (void)nothing;
+    for (size_t i = 0; i < self->n; i++) {
+        ampi_guidance_reset(&self->guidance[i], self->table);
+    }
+    Py_RETURN_NONE;
+}
+
+static PyObject *expect_begin(PyObject *object, PyObject *nothing) {
+    GuidanceObject *const self = (GuidanceObject *)object;
+    (void)nothing;
+    for (size_t i = 0; i < self->n; i++) {
+        self->guidance[i].begins = 1u;
+    }
+    Py_RETURN_NONE;
 }
 
 enum { COMMAND_ROWS = 5 };
@@ -234,7 +281,11 @@ static PyObject *reference(PyObject *object, PyObject *arguments) {
 
 static PyMethodDef guidance_methods[] = {
     {"begin", begin, METH_O, "begin(parameters): begin n flights of p (n, d)."},
-    {"follow", follow, METH_O, "follow(parameters): fly the references of p (n, d); the clock goes on."},
+    {"follow", (PyCFunction)(void (*)(void))follow, METH_FASTCALL,
+     "follow(parameters, nodal, told): fly these references; the clock goes on."},
+    {"reset", reset, METH_NOARGS, "reset(): begin other flights on the same references."},
+    {"expect_begin", expect_begin, METH_NOARGS,
+     "expect_begin(): the next time begins a flight if it does not go on."},
     {"step", (PyCFunction)(void (*)(void))step, METH_FASTCALL,
      "step(time, navigation, sensed, commands, rows): one cycle of all flights."},
     {"flown", flown, METH_O, "flown(out): final time, clipped, hole and health (4, n)."},

@@ -74,6 +74,9 @@ PyMODINIT_FUNC PyInit__core(void) {
     if (ampi_program_type == NULL || ampi_table_type == NULL || ampi_guidance_type == NULL || loop == NULL ||
         add_rows(module, "SETTINGS", SETTINGS) != 0 || add_rows(module, "FIXED", FIXED_ROWS) != 0 ||
         add_rows(module, "RESULTS", RESULT_ROWS) != 0 || add_opcodes(module) != 0 ||
+        PyModule_AddObject(module, "MOST", Py_BuildValue("(kkkkkk)", (unsigned long)AMPI_MAX_AXES,
+            (unsigned long)AMPI_MAX_ROWS, (unsigned long)AMPI_MAX_NODES, (unsigned long)AMPI_MAX_SEGMENTS,
+            (unsigned long)AMPI_MAX_DEGREE_NODES, (unsigned long)AMPI_MAX_POINTS)) != 0 ||
         PyModule_AddIntConstant(module, "LANES", AMPI_LANES) != 0 ||
         PyModule_AddIntConstant(module, "RECORD_ROWS", AMPI_RECORD_ROWS) != 0 ||
         PyModule_AddStringConstant(module, "INSTRUCTION_SET", ampi_engine_here()->name) != 0 ||

@@ -26,7 +26,7 @@ from __future__ import annotations
 
 import struct
 import zlib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Literal, get_args
 
@@ -36,6 +36,7 @@ from numpy.typing import NDArray
 from ampi.onboard.clock import NOMINAL_CYCLE
 from ampi.onboard.reference import Mode
 from ampi.onboard.row_layout import RowLayout
+from ampi.onboard.subspace import Order
 from ampi.onboard.table import GuidanceTable
 from ampi.tracking.bank_limiter import BankLimits
 from ampi.tracking.drag_reference import DragReference
@@ -52,12 +53,19 @@ MAGIC = b"\x89AMPI\r\n\x1a"
 BYTE_ORDER_MARK, FORMAT = 0x01020304, 1
 N_GAINS = 16
 NO_AXIS = 0xFFFFFFFF
-LAWS: tuple[type, ...] = (LinearQuadratic, DragSlidingMode, DragShuttle)  # by their numbers in C
+# by their numbers in C
+LAWS = (LinearQuadratic, DragSlidingMode, DragShuttle)
 MOST = 32767  # of int16, which is used symmetrically
 # numbers in C of how an axis is interpolated
-ORDERS = {"nearest": 1, "linear": 2, "quadratic": 3, "cubic": 4, "second_differences": 5}
+ORDERS = {
+    Order.NEAREST: 1,
+    Order.LINEAR: 2,
+    Order.QUADRATIC: 3,
+    Order.CUBIC: 4,
+    Order.SECOND_DIFFERENCES: 5,
+}
 # of a mode whose name is not its axes' order
-_ORDER_OF = {Mode.NOMINAL: "nearest", Mode.MPI: "linear", Mode.AMPI: "linear"}
+_ORDER_OF = {Mode.NOMINAL: Order.NEAREST, Mode.MPI: Order.LINEAR, Mode.AMPI: Order.LINEAR}
 
 
 def table_blob(
@@ -66,7 +74,7 @@ def table_blob(
     limits: BankLimits,
     *,
     mode: Mode | str = Mode.AMPI,
-    orders: tuple[str, ...] | None = None,
+    orders: Sequence[Order] | None = None,
     limit_axes: Mapping[str, int] | None = None,
     cycle: float | None = None,
     kind: Kind = "float64",
@@ -78,10 +86,8 @@ def table_blob(
     ----------
     table, law, limits
         As `Guidance` takes them.
-    mode, limit_axes, cycle
+    mode, orders, limit_axes, cycle
         As `Guidance` takes them.
-    orders
-        Of the axes, by name (`ORDERS`); None: the mode's.
     kind
         Type of the stored values: "float64", to the bit; "float32"; or "int16" with an affine map a
         column.
@@ -97,11 +103,12 @@ def table_blob(
     if kind not in KINDS:
         raise ValueError(f"kind: expected one of {', '.join(KINDS)}, got {kind!r}")
     flown = _Flown(table, law, limits, mode=mode, limit_axes=limit_axes or {}, cycle=cycle)
-    own = (_ORDER_OF.get(mode, mode.value),) * len(table.axes) if orders is None else orders
+    own = tuple(orders or (_ORDER_OF.get(mode) or Order(mode.value),) * len(table.axes))
     if len(own) != len(table.axes) or not set(own) <= set(ORDERS):
         raise ValueError(
-            f"orders: expected {len(table.axes)} of {', '.join(ORDERS)}, one an axis, got "
-            f"{', '.join(own)}; flight code has no other"
+            f"orders: expected {len(table.axes)} of those that flight code has "
+            f"({', '.join(order.value for order in ORDERS)}), one an axis, got "
+            f"{', '.join(order.value for order in own)}"
         )
     text = _text(flown, own, kind, about).encode()
     parts = [
@@ -159,7 +166,7 @@ class _Flown:
         segments = self.table.segments
         return (
             kind,
-            LAWS.index(type(self.law)),
+            [law.name for law in LAWS].index(self.law.name),
             len(self.table.axes),
             len(self.layout),
             n,
@@ -174,7 +181,7 @@ class _Flown:
             0,
         )
 
-    def counts(self, orders: tuple[str, ...]) -> bytes:
+    def counts(self, orders: tuple[Order, ...]) -> bytes:
         """Of axes and segments, with the edges of the ones and the times of the others."""
         table, segments = self.table, self.table.segments
         axes = np.zeros(len(table.axes), dtype=[("counts", "<u4", 4), ("edges", "<f8", 3)])
@@ -198,9 +205,7 @@ class _Flown:
         settings = [*limits, cycle, *envelope.middle, *envelope.reach]
         settings += [*gains, *[0.0] * (N_GAINS - len(gains))]
         matrix: list[Array] = []
-        for s, (first, count) in enumerate(
-            zip(segments.first_node, segments.counts, strict=True)
-        ):
+        for s, (first, count) in enumerate(zip(segments.first_node, segments.counts, strict=True)):
             own = table.conversion[first : first + count, self.segment == s]
             matrix += [segments.nodes[s], segments.weights[s], own]
         arrays = [settings, *self.cut.axes, *matrix, *table.high_density_time]
@@ -254,7 +259,7 @@ def _stored(columns: Array, kind: Kind) -> tuple[bytes, bytes]:
     return np.stack([offset, scale]).astype("<f8").tobytes(), values.tobytes()
 
 
-def _text(flown: _Flown, orders: tuple[str, ...], kind: Kind, about: str) -> str:
+def _text(flown: _Flown, orders: tuple[Order, ...], kind: Kind, about: str) -> str:
     """What a reader of the bytes should know."""
     table = flown.table
     n, m = table.conversion.shape
@@ -266,7 +271,7 @@ def _text(flown: _Flown, orders: tuple[str, ...], kind: Kind, about: str) -> str
         *(f"  {row.name} [{row.unit}]" for row in flown.layout.rows),
         f"{len(table.axes)} axes",
         *(
-            f"  {len(axis)} points, {order}, {axis[0]!r} to {axis[-1]!r}"
+            f"  {len(axis)} points, {order.value}, {axis[0]!r} to {axis[-1]!r}"
             for axis, order in zip((axis.tolist() for axis in flown.cut.axes), orders, strict=True)
         ),
         f"values {kind}" + (", value = offset + scale x stored" if kind == "int16" else ""),

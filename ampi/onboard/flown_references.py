@@ -8,8 +8,10 @@ a given value: between the high-density points i and i + 1 it is, with w the sha
 
 the cubic with the slopes s of the parabolas through the neighbours; d is the slope of the line and h
 the way. Along the line alone an entry of SHEFEX-3 is up to 22 m beside the altitude of its energy. A
-neighbour whose slope is not within a factor of two, as where the look-up changes from time to energy, is
-none: then the other's parabola serves both ends. All memory is allocated when the flights begin.
+neighbour whose slope is not within a factor of two is none: then the other's parabola serves both ends.
+Where the look-up changes from time to energy there is none on either side, and a value in the way is
+that of the nearer end, further along the slope of the neighbour beyond it. All memory is allocated when
+the flights begin.
 """
 
 from __future__ import annotations
@@ -99,26 +101,43 @@ class FlownReferences:
         way, at_begin, at_end = end - begin, times.take(here), times.take(here + 1)
         w = np.minimum(np.maximum((value - begin) / way, 0.0), 1.0)
         slope = (at_end - at_begin) / way
-        bends = []  # of the slope at both ends
-        for beside, edge, at_edge in (
-            (first + np.maximum(self._pointer - 1, 0), begin, at_begin),
-            (first + np.minimum(self._pointer + 2, m - 1), end, at_end),
-        ):
-            other = np.abs(points.take(beside) - edge)
-            known = other > 0.0  # there is a neighbour
-            its = np.abs(times.take(beside) - at_edge) / np.where(known, other, 1.0)
-            known &= (its <= ALIKE * slope) & (slope <= ALIKE * its)
-            bends.append(np.where(known, way * (its - slope) / (way + other), np.nan))
-        left, right = bends
-        left = np.where(np.isnan(left), -right, left)
-        right = np.where(np.isnan(right), -left, right)
-        bent = np.where(np.isnan(left), 0.0, (1.0 - w) * left - w * right)
-        instant: Array = at_begin + way * w * (slope + (1.0 - w) * bent)
-        return instant
+        before, left = _beside(points, times, first + np.maximum(self._pointer - 1, 0), here)
+        after, right = _beside(
+            points, times, first + np.minimum(self._pointer + 2, m - 1), here + 1
+        )
+        alike, also = _is_alike(left, slope), _is_alike(right, slope)
+        bend = np.where(alike, way * (left - slope) / (way + before), 0.0)
+        other = np.where(also, way * (right - slope) / (way + after), 0.0)
+        bend, other = np.where(alike, bend, -other), np.where(also, other, -bend)
+        bent = (1.0 - w) * bend - w * other
+        instant = at_begin + way * w * (slope + (1.0 - w) * bent)
+        jumps = (left > 0.0) & (right > 0.0) & ~alike & ~also
+        inside = np.minimum(np.maximum(value, begin), end)
+        nearer = np.where(
+            w < 0.5,
+            np.minimum(at_begin + (inside - begin) * left, at_end),
+            np.maximum(at_end - (end - inside) * right, at_begin),
+        )
+        return np.where(jumps, nearer, instant)
+
+
+def _beside(
+    points: Array, times: Array, beside: NDArray[np.intp], edge: NDArray[np.intp]
+) -> tuple[Array, Array]:
+    """Way and slope between two neighbours; slope 0 where there is none."""
+    way = np.abs(points.take(beside) - points.take(edge))
+    is_there = way > 0.0
+    slope = np.abs(times.take(beside) - times.take(edge)) / np.where(is_there, way, 1.0)
+    return way, np.where(is_there, slope, 0.0)
+
+
+def _is_alike(slope: Array, other: Array) -> NDArray[np.bool_]:
+    alike: NDArray[np.bool_] = (slope <= ALIKE * other) & (other <= ALIKE * slope)
+    return alike
 
 
 def _read_by_point(conversion: Array) -> tuple[NDArray[np.intp], Array]:
-    """Which nodes each point of an LD→HD matrix (nodes, m) reads, in order, and their weights: (k, m)."""
+    """Which nodes each point of an LD→HD matrix reads, in order, and their weights: (k, m)."""
     used = conversion != 0.0
     count = len(used)
     first, last = used.argmax(axis=0), count - 1 - used[::-1].argmax(axis=0)

@@ -41,7 +41,6 @@ class _AxisWeights:
     def __init__(self, axis: Array, order: Order) -> None:
         n = len(axis)
         self.axis: list[float] = axis.tolist()  # plain floats are faster than numpy's
-        self.order = order
         self.first, self.correction_first = 0, 0
         self.base = np.zeros(min(order.points, n))
         self.slopes = np.zeros(2 if order is Order.HERMITE and n > 1 else 0)

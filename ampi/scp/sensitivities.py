@@ -152,7 +152,11 @@ class _Optima:
     def of(
         cls, problem: OptimalControlProblem, optima: Sequence[Trajectory], settings: SolverSettings
     ) -> _Optima:
-        """By a step of Newton's that tells multipliers and held rows, and is not taken."""
+        """Multipliers and held rows by the convex model: at an optimum its solution is no step.
+
+        There it has the multipliers of the optimum, whatever its Hessian, and a held set can be found by
+        it where that of the Lagrangian is not positive definite without the very rows that are sought.
+        """
         scale, rows = np.array(problem.scaling.states), len(problem.target)
         guesses = [
             on_mesh_of(optimum, problem.mesh, entry * scale[:6]).for_rows(rows)
@@ -160,11 +164,17 @@ class _Optima:
         ]
         points = Points.of(problem, guesses, one_by_one=False)
         iteration = NewtonIteration.begin(points, guesses, settings)
-        system = NewtonSystem.of(points, iteration.multipliers)
+        multipliers = iteration.multipliers
+        system = NewtonSystem.of(points, multipliers)
         shift = iteration.shift(system)
-        step = iteration.solution(system, shift)
-        system, step = iteration.with_known_multipliers(system, shift, step)
-        iteration.multipliers.target, iteration.multipliers.limits = step.target, step.limits
+        model = iteration.solution(system.gauss_newton(settings.curvature), shift)
+        limited = np.flatnonzero(multipliers.side.any(axis=1))
+        if len(limited):  # of the others the Hessian has all it needs
+            multipliers.target[limited] = model.target[limited]
+            multipliers.limits[limited] = model.limits[limited]
+            system = system.with_curvature_of(multipliers)
+        step = system.held_step(*system.right_side(shift), multipliers.side)
+        multipliers.target, multipliers.limits = step.target, step.limits
         size = np.maximum(np.abs(step.change).max(axis=(0, 2)), np.abs(step.z[:, -2]))
         return cls(iteration, system, size < AT_OPTIMUM)
 

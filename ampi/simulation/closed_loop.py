@@ -14,9 +14,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ampi.guidance import Command, Guidance
+from ampi.guidance import Guidance
 from ampi.missions.family import MissionFamily
 from ampi.missions.mission import Mission
+from ampi.onboard.command import Command
 from ampi.physics.equations_of_motion import aerodynamic_acceleration
 from ampi.physics.state import ALTITUDE, BANK, ENTRY_STATES, N_STATES
 from ampi.simulation.actuator import Actuator

@@ -8,14 +8,12 @@ be interrupted.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from functools import lru_cache
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ampi._native.engine import core
-from ampi.export.blob import table_blob
 from ampi.guidance import Guidance
 from ampi.missions.family import MissionFamily
 from ampi.missions.mission import Mission
@@ -69,7 +67,7 @@ class _Loops:
             Rhythm.of(guidance.cycle, every),
             Entries.of(family, guidance, truth),
         )
-        self.code = core().Guidance(_table(guidance), len(truth))
+        self.code = core().Guidance(guidance.opened, len(truth))
         self.code.begin(np.ascontiguousarray(self.entries.parameters))
         lanes = core().LANES
         self.blocks = [slice(k, min(k + lanes, len(truth))) for k in range(0, len(truth), lanes)]
@@ -193,23 +191,6 @@ class _Loops:
             loop.results(found[-1])
         whole = np.concatenate(found, axis=1)
         return {name: whole[k : k + rows] for name, (k, rows) in table.items()}, whole[first:]
-
-
-@lru_cache(maxsize=4)
-def _table(guidance: Guidance) -> Any:
-    """The table of a guidance as the flight code opens it: checked once."""
-    orders, (shortest, _) = guidance.orders, guidance.first_cycle  # which tells a stated cycle
-    return core().Table(
-        table_blob(
-            guidance.table,
-            guidance.law,
-            guidance.limits,
-            mode=guidance.mode,
-            orders=None if orders is None else tuple(order.value for order in orders),
-            limit_axes=guidance.limit_axes,
-            cycle=None if shortest < guidance.cycle else guidance.cycle,
-        )
-    )
 
 
 def _records(cycles: int, stride: int) -> int:

@@ -52,6 +52,7 @@ class Tangent:
             step_taken = moved[:, i] - self.points[:, i]  # ε as the floating point has it
             states = self.states + step_taken[:, None, None] * self.states_by_p[:, i]
             final_time = self.final_time + step_taken * self.final_time_by_p[:, i]
-            there = rows(self.mission.family(moved), states, final_time)
+            with np.errstate(all="ignore"):  # what is no number comes back as none
+                there = rows(self.mission.family(moved), states, final_time)
             found.append((there - here) / step_taken[:, None, None])
         return np.stack(found, axis=1)

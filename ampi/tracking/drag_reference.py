@@ -39,7 +39,7 @@ LOG_DRAG, LIFT_TO_DRAG, SCALE_HEIGHT, DRAG_SLOPE, RANGE_TO_GO = (
 )
 DEGREE = float(np.pi / 180.0)
 BEFORE_AIR = -1e9  # J/kg: below −E of whatever enters; times are counted from it
-DISTINCT = 1e-3  # s or J/kg between points of a reference, lest two are the same
+DISTINCT = 1e-6  # s or J/kg between points of a reference, lest two are the same
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -11,7 +11,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from ampi.guidance import Command, Guidance
+from ampi.guidance import Guidance
+from ampi.onboard.command import Command
 from ampi.onboard.health import Health, Steering
 from ampi.tracking.bank_limiter import BankLimits
 

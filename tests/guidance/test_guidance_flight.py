@@ -7,10 +7,11 @@ import pytest
 from numpy.typing import NDArray
 from scipy.optimize import brentq
 
-from ampi.guidance import Command, Guidance
+from ampi.guidance import Guidance
 from ampi.missions.family import MissionFamily
 from ampi.missions.mission import Mission
 from ampi.missions.sections import EntrySection
+from ampi.onboard.command import Command
 from ampi.onboard.health import Health
 from ampi.onboard.reference import Mode
 from ampi.physics.equations_of_motion import equations_of_motion

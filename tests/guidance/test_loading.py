@@ -148,6 +148,6 @@ def test_longitudes_and_azimuths_among_the_axes_are_circular(database_file: Path
 
 
 def test_the_cycle_is_stated_or_the_nominal_one(database_file: Path) -> None:
-    assert load_guidance(database_file).first_cycle == (1e-3, 0.5)
+    assert load_guidance(database_file).cycle == 0.5
     stated = load_guidance(database_file, cycle=0.1)
-    assert (stated.cycle, stated.first_cycle) == (0.1, (0.1, 0.1))
+    assert stated.cycle == 0.1

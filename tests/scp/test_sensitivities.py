@@ -11,6 +11,8 @@ from numpy.typing import NDArray
 from ampi.missions.loading import load_mission, parse_mission
 from ampi.missions.mission import Mission
 from ampi.physics.state import LONGITUDE
+from ampi.scp.condensed.kkt_factors import KktFactors
+from ampi.scp.condensed.newton_system import STIFFEST
 from ampi.scp.condensed.transcription import radau_transcription
 from ampi.scp.sensitivities import Sensitivities, sensitivities
 from ampi.scp.solve import optimum, solve_family
@@ -219,3 +221,16 @@ def test_what_cannot_be_differentiated_is_refused(many: Mission, free: Trajector
         at(many, p, replace(free, target_multipliers=None))
     with pytest.raises(ValueError, match="a grid with an axis"):
         at(parse_mission(text_on_grid("[grid]\n")), p[:0], free)
+
+
+def test_rows_that_almost_depend_on_each_other_need_more_stiffness() -> None:
+    """H is positive definite under the rows, but of the stiffness across them a hundredth is left."""
+    hessian, gradient = np.diag([-1.0, -50.0, 1.0]), np.array([1.0, 2.0, 3.0])
+    rows = np.array([[1.0, 0.0, 0.0], [np.cos(0.1), np.sin(0.1), 0.0]])
+    error, none = np.array([0.1, 0.2]), np.zeros(2)
+    assert KktFactors.of(hessian, rows, none) is None
+    factors = KktFactors.of(hessian, rows, none, STIFFEST)
+    assert factors is not None
+    whole = np.block([[hessian, rows.T], [rows, np.zeros((2, 2))]])
+    expected = np.linalg.solve(whole, -np.concatenate([gradient, error]))
+    assert np.concatenate(factors.solution(gradient, error)) == pytest.approx(expected, rel=1e-9)

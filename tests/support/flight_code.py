@@ -19,11 +19,12 @@ Array = NDArray[np.float64]
 ROOT = Path(__file__).parents[2]
 CORE = ROOT / "ampi" / "export" / "c"
 PROBE = ROOT / "tests" / "export" / "probe.c"
-COMPILER = os.environ.get("CC") or shutil.which("cc") or shutil.which("gcc") or shutil.which("clang")
-STRICT = (
-    "-std=c99 -O2 -ffp-contract=off -Wall -Wextra -Wconversion -Wshadow -Wdouble-promotion "
-    "-Wcast-qual -pedantic -Werror"
-).split()
+COMPILER = (
+    os.environ.get("CC") or shutil.which("cc") or shutil.which("gcc") or shutil.which("clang")
+)
+WARNINGS = "all extra conversion shadow double-promotion cast-qual error"
+STRICT = ["-std=c99", "-O2", "-ffp-contract=off", "-pedantic"]
+STRICT += [f"-W{warning}" for warning in WARNINGS.split()]
 COMMAND = np.dtype([("numbers", "f8", 3), ("steering", "i4"), ("health", "i4")])
 
 needs_compiler = pytest.mark.skipif(
@@ -98,7 +99,11 @@ class FlightCode:
 
     def _told(self, reference: Any, shape: tuple[int, int, int]) -> CodeReference:
         r, n, m = shape
-        columns, times, rows = np.full(r * n + 1, np.nan), np.full(m, np.nan), np.full((r, m), np.nan)
+        columns, times, rows = (
+            np.full(r * n + 1, np.nan),
+            np.full(m, np.nan),
+            np.full((r, m), np.nan),
+        )
         excess, told = np.zeros(16), np.zeros(2, dtype=np.int32)
         cell, clipped = np.zeros((2, 16), dtype=np.uint32)
         self.code.probe_reference(

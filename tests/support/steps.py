@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from ampi.guidance import Command, Guidance
+from ampi.guidance import Guidance
+from ampi.onboard.command import Command
 from ampi.onboard.reference import Reference
 
 

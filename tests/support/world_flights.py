@@ -10,8 +10,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from ampi.guidance import Command, Guidance
+from ampi.guidance import Guidance
 from ampi.missions.mission import Mission
+from ampi.onboard.command import Command
 from ampi.physics.equations_of_motion import FlightModel
 from ampi.physics.planet import great_circle_distance
 from ampi.simulation.closed_loop import FlightBatch, fly_batch

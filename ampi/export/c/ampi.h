@@ -126,6 +126,9 @@ void ampi_reference_high_density(const ampi_table *table, const ampi_reference *
 /* Begins a flight; the next step is its first, whatever its time. */
 void ampi_guidance_begin(ampi_guidance *guidance, const ampi_table *table, const double *parameters);
 
+/* Begins another flight on the reference that is flown: the next step is its first. */
+void ampi_guidance_reset(ampi_guidance *guidance, const ampi_table *table);
+
 /* Flies another reference of the same table from the next step on; the clock goes on. */
 void ampi_guidance_follow(ampi_guidance *guidance, const ampi_table *table,
                           const ampi_reference *reference, const double *parameters);

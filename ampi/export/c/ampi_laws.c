@@ -2,7 +2,7 @@
 #include "ampi_parts.h"
 
 #define BEFORE_AIR (-1e9) /* J/kg: below -E of whatever enters; times are counted from it */
-#define DISTINCT 1e-3     /* s or J/kg between points of a reference, lest two are the same */
+#define DISTINCT 1e-6     /* s or J/kg between points of a reference, lest two are the same */
 #define ALIKE 2.0         /* slopes of neighbouring intervals, at the most */
 #define LEAST_SLOPE 0.1   /* 1/rad: an angle of attack that changes the drag less is left alone */
 
@@ -74,41 +74,47 @@ void ampi_along(const ampi_table *table, const ampi_reference *reference, double
     }
 }
 
-/* By how much the slope dt/dE bends at a point of an interval of slope `slope`, seen from the interval
-   beside it; NaN if there is none, or one that is not alike. */
-static double bend(const ampi_table *table, const ampi_guidance *guidance, size_t point, size_t beside,
-                   double way, double slope)
+/* Way along, and slope of the time, between a point and one beside it; slope 0 if they are the same. */
+static double slope_between(const ampi_table *table, const ampi_guidance *guidance, size_t point,
+                            size_t beside, double *way)
 {
     const double final_time = guidance->reference.final_time;
-    const double other = fabs(guidance->along[beside] - guidance->along[point]);
     const double passed = fabs(time_of(table, final_time, beside) - time_of(table, final_time, point));
-    const double its = passed / ((other > 0.0) ? other : 1.0);
-    const bool is_alike = (other > 0.0) && (its <= (ALIKE * slope)) && (slope <= (ALIKE * its));
-    return is_alike ? (way * (its - slope) / (way + other)) : (double)NAN;
+    *way = fabs(guidance->along[beside] - guidance->along[point]);
+    return (*way > 0.0) ? (passed / *way) : 0.0;
 }
 
-/* Time at which `along` reaches a value: a cubic between the points, held at both ends. */
+/* Time at which `along` reaches a value, Eq. (1) of ampi/onboard/flown_references.py; held at both ends. */
 static double instant_of(const ampi_table *table, const ampi_guidance *guidance, double value)
 {
     const double *along = guidance->along, final_time = guidance->reference.final_time;
     const size_t last = table->n.points - 1u;
-    double way, w, begin, slope, left, right, bent;
-    size_t i = 0u, step;
+    double way, w, begin, end, slope, before, after, left, right, bend, other, instant;
+    bool is_left, is_right;
+    size_t i = 0u, n;
 
-    for (step = AMPI_MAX_POINTS; step > 0u; step /= 2u) { /* the last point but one that is reached */
-        const size_t next = ((i + step) < last) ? (i + step) : i;
-        i = (along[next] <= value) ? next : i;
+    for (n = last; n > 1u; n -= n / 2u) { /* the last point but one that is reached */
+        i = (along[i + n / 2u] <= value) ? (i + n / 2u) : i;
     }
     way = along[i + 1u] - along[i];
     w = clipped((value - along[i]) / way, 0.0, 1.0);
     begin = time_of(table, final_time, i);
-    slope = (time_of(table, final_time, i + 1u) - begin) / way;
-    left = bend(table, guidance, i, (i > 0u) ? (i - 1u) : 0u, way, slope);
-    right = bend(table, guidance, i + 1u, ((i + 2u) < last) ? (i + 2u) : last, way, slope);
-    left = (left != left) ? -right : left;
-    right = (right != right) ? -left : right;
-    bent = (left != left) ? 0.0 : ((1.0 - w) * left - w * right);
-    return begin + way * w * (slope + (1.0 - w) * bent);
+    end = time_of(table, final_time, i + 1u);
+    slope = (end - begin) / way;
+    left = slope_between(table, guidance, i, (i > 0u) ? (i - 1u) : 0u, &before);
+    right = slope_between(table, guidance, i + 1u, ((i + 2u) < last) ? (i + 2u) : last, &after);
+    is_left = (left <= (ALIKE * slope)) && (slope <= (ALIKE * left));
+    is_right = (right <= (ALIKE * slope)) && (slope <= (ALIKE * right));
+    bend = is_left ? (way * (left - slope) / (way + before)) : 0.0;
+    other = is_right ? (way * (right - slope) / (way + after)) : -bend;
+    bend = is_left ? bend : -other;
+    instant = begin + way * w * (slope + (1.0 - w) * ((1.0 - w) * bend - w * other));
+    if ((left > 0.0) && (right > 0.0) && !is_left && !is_right) { /* the look-up jumps */
+        const double inside = clipped(value, along[i], along[i + 1u]);
+        instant = (w < 0.5) ? least(begin + (inside - along[i]) * left, end)
+                            : most(end - (along[i + 1u] - inside) * right, begin);
+    }
+    return instant;
 }
 
 double ampi_instant(const ampi_guidance *guidance, const ampi_table *table, const double *state,

@@ -219,15 +219,19 @@ size_t ampi_chunk(const ampi_table *table, const ampi_reference *reference, size
         const ampi_real *value = &reference->rows[r * table->n.nodes + table->first_node[s]];
         ampi_real *sum = &points[r * AMPI_CHUNK];
         for (j = 0u; j < size; j++) {
-            sum[j] = value[0] * matrix[0][j];
+            sum[j] = (ampi_real)0;
         }
-        for (i = 1u; (i + 1u) < nodes; i += 2u) { /* two at once: half of the loads and stores */
+        for (i = 0u; (i + 2u) < nodes; i += 3u) { /* three at once: a third of the loads and stores */
+            const ampi_real a = value[i], b = value[i + 1u], c = value[i + 2u];
             for (j = 0u; j < size; j++) {
-                sum[j] = (sum[j] + value[i] * matrix[i][j]) + value[i + 1u] * matrix[i + 1u][j];
+                sum[j] = ((sum[j] + a * matrix[i][j]) + b * matrix[i + 1u][j]) + c * matrix[i + 2u][j];
             }
         }
-        for (j = 0u; (i < nodes) && (j < size); j++) {
-            sum[j] += value[i] * matrix[i][j];
+        for (; i < nodes; i++) {
+            const ampi_real a = value[i];
+            for (j = 0u; j < size; j++) {
+                sum[j] += a * matrix[i][j];
+            }
         }
     }
     return size;

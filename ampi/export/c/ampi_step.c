@@ -7,8 +7,8 @@
 #define FASTEST 2.0   /* times the rate limit: said to roll faster is told in another unit */
 #define NEAR_INVERTED 2.9670597283903604 /* rad: 10 deg of overshoot are told from the other side */
 
-/* The next command is the first, whatever its time. */
-static void reset(ampi_guidance *guidance, const ampi_table *table)
+/* The next time is taken as it is. */
+static void restart(ampi_guidance *guidance, const ampi_table *table)
 {
     guidance->begins = 1u;
     guidance->is_first = 1u;
@@ -44,11 +44,16 @@ static void take_up(ampi_guidance *guidance, const ampi_table *table, const doub
     guidance->begins = 1u;
 }
 
+void ampi_guidance_reset(ampi_guidance *guidance, const ampi_table *table)
+{
+    restart(guidance, table);
+    forget(guidance);
+}
+
 void ampi_guidance_begin(ampi_guidance *guidance, const ampi_table *table, const double *parameters)
 {
     size_t i;
-    forget(guidance);
-    reset(guidance, table);
+    ampi_guidance_reset(guidance, table);
     for (i = 0u; i < AMPI_MAX_ROWS; i++) {
         guidance->row[i] = (double)NAN;
     }
@@ -89,7 +94,7 @@ static bool advance(ampi_guidance *guidance, const ampi_table *table, double tim
         guidance->interval = step;
         guidance->now = time;
     } else if ((guidance->begins != 0u) && (fabs(time) < AMPI_SANE)) {
-        reset(guidance, table);
+        restart(guidance, table);
         guidance->now = time;
         guidance->interval = (table->n.is_cycle_stated != 0u) ? table->set.cycle : (double)NAN;
         goes_on = true;

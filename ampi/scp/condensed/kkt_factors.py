@@ -32,11 +32,17 @@ class KktFactors:
     schur: Array  # of λ, (r, r)
 
     @classmethod
-    def of(cls, hessian: Array, rows: Array, compliance: Array) -> KktFactors | None:
-        """None unless H is positive definite under the rows; `compliance` is 1/2w, (r,)."""
+    def of(
+        cls, hessian: Array, rows: Array, compliance: Array, stiffness: float = STIFF
+    ) -> KktFactors | None:
+        """None unless H is positive definite under the rows; `compliance` is 1/2w, (r,).
+
+        `stiffness` is at most that of a row, over the norm of H: where rows almost depend on each other
+        little of it is left, and one that is too small shows as an H that is not positive definite.
+        """
         norms = np.einsum("ij,ij->i", rows, rows)
         with np.errstate(all="ignore"):
-            stiff = np.minimum(STIFF * float(np.linalg.norm(hessian)) / norms, 1.0 / compliance)
+            stiff = np.minimum(stiffness * float(np.linalg.norm(hessian)) / norms, 1.0 / compliance)
             cholesky, info = dpotrf(hessian + (rows.T * stiff) @ rows, lower=1)
         if info != 0:
             return None

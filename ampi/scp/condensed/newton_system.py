@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from ampi.physics.state import N_STATES
 from ampi.scp.condensed.condensing import Cases, CondensedDynamics
+from ampi.scp.condensed.convexify import STIFF
 from ampi.scp.condensed.cost import (
     add_rate_curvature,
     integrand_gradient,
@@ -24,6 +25,10 @@ from ampi.scp.condensed.settings import NewtonSettings
 from ampi.tracing.dynamics import entries
 
 Array = NDArray[np.float64]
+
+STIFFEST = (
+    1e3  # of rows that are known to hold, in place of `STIFF`: two digits less, fewer refused
+)
 
 
 @dataclass(eq=False)
@@ -167,6 +172,17 @@ class NewtonSystem:
         z[pending] = np.nan
         return NewtonStep(z, changes, on_target, on_limits)
 
+    def held_step(self, gradient: Array, errors: Array, value: Array, side: Sides) -> NewtonStep:
+        """Of Eq. (1) with the rows `side` held, whatever it leads to; NaN where there is none."""
+        z, on_target = np.full_like(gradient, np.nan), np.full_like(errors, np.nan)
+        on_limits, everyone = np.zeros_like(value), self.points.everyone
+        for case in everyone.tolist():
+            self.factors[case] = self._factored(case, side[case], STIFFEST)
+            z[case], on_target[case], on_limits[case] = self.held_solution(
+                case, side[case], gradient[case], errors[case], value[case]
+            )
+        return NewtonStep(z, self.condensed.change(z, everyone), on_target, on_limits)
+
     def moved(self, z: Array, change: Array, cases: Cases) -> Array:
         """What z (k, n_z) adds to the values of the limits' rows, with `change` = Z z."""
         rate = self.points.transcription.nodal_rate(z[:, :-2])
@@ -208,7 +224,7 @@ class NewtonSystem:
         on_limits[held] = found[len(errors) :]
         return z, found[: len(errors)], on_limits
 
-    def _factored(self, case: int, side: Sides) -> KktFactors | None:
+    def _factored(self, case: int, side: Sides, stiffness: float = STIFF) -> KktFactors | None:
         held = np.flatnonzero(side)
         kkt, compliance = self.held_map[case], self.compliance[case]
         if len(kkt) + len(held) > len(self.hessian[case]):
@@ -216,7 +232,7 @@ class NewtonSystem:
         if len(held):
             kkt = np.concatenate([kkt, self.rows.matrix(case, held)])
             compliance = np.concatenate([compliance, np.zeros(len(held))])
-        return KktFactors.of(self.hessian[case], kkt, compliance)
+        return KktFactors.of(self.hessian[case], kkt, compliance, stiffness)
 
 
 def _compliance(points: Points) -> Array:

@@ -1,0 +1,79 @@
+"""One cycle of the flight software by the flight code in C: what `GuidanceCycle` is in numpy."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ampi._native.engine import WHY_NOT, core, is_available
+from ampi.export.blob import LAWS, ORDERS
+from ampi.guidance_cycle import not_begun
+from ampi.onboard.command import Command
+from ampi.onboard.flown_references import FlownReferences
+from ampi.onboard.subspace import Order
+from ampi.onboard.table import GuidanceTable
+from ampi.tracking.bank_limiter import BankLimits
+from ampi.tracking.law import TrackingLaw
+
+Array = NDArray[np.float64]
+
+SIZES = ("axes", "rows", "nodes", "segments", "nodes of a segment", "high-density points")
+
+
+def why_not_compiled(
+    table: GuidanceTable, law: TrackingLaw, orders: tuple[Order, ...]
+) -> str | None:
+    """Why the flight code cannot fly this, in a sentence; None if it can."""
+    if not is_available():
+        return WHY_NOT
+    if type(law) not in LAWS:
+        return f"flight code has no law {law.name}"
+    if not set(orders) <= set(ORDERS):
+        missing = next(order for order in orders if order not in ORDERS)
+        return f"flight code does not interpolate by {missing.value}"
+    nodes, points = table.conversion.shape
+    segments = table.segments
+    sizes = (len(table.axes), len(table.layout), nodes, *segments.nodes.shape, points)
+    for name, size, most in zip(SIZES, sizes, core().MOST, strict=True):
+        if size > most:
+            return f"flight code was compiled for {most} {name} at the most, the table has {size}"
+    return None
+
+
+class CompiledCycle:
+    """The memory of n flights in C."""
+
+    def __init__(self, flown: FlownReferences, opened: Any) -> None:
+        """`opened` is the table in C, a `core().Table`."""
+        self._flown, n = flown, len(flown)
+        self._code = core().Guidance(opened, n)
+        self._is_begun = False
+        self.tracked = np.full((len(flown.table.layout), n), np.nan)
+
+    def follow(self, parameters: Array, limits: BankLimits) -> None:
+        """The references that are flown have changed; C makes the limits of the parameters itself."""
+        flown = self._flown
+        told = np.stack([flown.final_time, flown.health.astype(float)], axis=1)
+        self._code.follow(np.ascontiguousarray(parameters), flown.nodal, told)
+        self._is_begun = True
+
+    def expect_begin(self) -> None:
+        """The next time begins a flight if it does not go on."""
+        self._code.expect_begin()
+
+    def reset(self) -> None:
+        """Begin a new flight: the next command is the first, whatever its time."""
+        self._code.reset()
+
+    def step(self, time: float, navigated: Array, felt: Array) -> Command:
+        """Commands at a time (s), of navigation (8, n) and accelerations (3, n)."""
+        n = len(self._flown)
+        if not self._is_begun:
+            return not_begun(n)
+        commands, self.tracked = np.empty((5, n)), np.empty_like(self.tracked)
+        told, sensed = np.ascontiguousarray(navigated), np.ascontiguousarray(felt)
+        self._code.step(time, told, sensed, commands, self.tracked)
+        rate, bank, angle, steering, health = commands
+        return Command(rate, bank, angle, steering.astype(np.int64), health.astype(np.int64))

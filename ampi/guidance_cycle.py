@@ -1,0 +1,130 @@
+"""One cycle of the flight software in numpy, for n flights of one clock.
+
+clock → look-up → plausibility → law → limiter. ampi/export/c/ampi_step.c is the same in C.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ampi.onboard.clock import CycleClock
+from ampi.onboard.command import Command
+from ampi.onboard.flown_references import FlownReferences
+from ampi.onboard.health import Health, Steering
+from ampi.onboard.plausibility import BANK, SANE
+from ampi.onboard.row_layout import N_STATES
+from ampi.tracking.bank_limiter import NEAR_INVERTED, BankLimits, bank_on_turn, limited_rate
+from ampi.tracking.law import Told, TrackingLaw
+
+Array = NDArray[np.float64]
+
+FASTEST = 2.0  # times the rate limit; a vehicle that is said to roll faster is told in another unit
+
+
+class GuidanceCycle:
+    """What n flights remember from command to command, and how a command is made."""
+
+    def __init__(
+        self, flown: FlownReferences, law: TrackingLaw, stated_cycle: float | None
+    ) -> None:
+        self._flown, self._law, self._table = flown, law, flown.table
+        self._clock = CycleClock(stated_cycle)
+        self.tracked = np.full((len(self._table.layout), len(flown)), np.nan)
+        self._limits: BankLimits | None = None  # nothing is flown yet
+        self._forget()
+
+    def follow(self, parameters: Array, limits: BankLimits) -> None:
+        """The references that are flown have changed; of vehicles with these limits."""
+        self._flown.look_up_by(self._law.along)
+        self._limits = limits
+
+    def expect_begin(self) -> None:
+        """The next time begins a flight if it does not go on."""
+        self._clock.expect_begin()
+
+    def reset(self) -> None:
+        """Begin a new flight: the next command is the first, whatever its time."""
+        self._clock.reset()
+        self._forget()
+
+    def _forget(self) -> None:
+        """Nothing has been commanded yet."""
+        n = len(self._flown)
+        self._rate, self._bank, self._angle = np.full(n, np.nan), np.full(n, np.nan), np.zeros(n)
+        self._memory = self._law.memory(n)
+
+    def step(self, time: float, navigated: Array, felt: Array) -> Command:
+        """Commands at a time (s), of navigation (8, n) and accelerations (3, n); both may be written."""
+        with np.errstate(all="ignore"):  # of nonsense the health tells
+            in_time = self._clock.advance(time)
+            if self._clock.is_first:
+                self._forget()
+            if self._limits is None:
+                return not_begun(len(self._flown))
+            told = Told(navigated[:N_STATES], felt, self._clock.expected)
+            return self._steered(told, navigated[N_STATES], self._limits, in_time=in_time)
+
+    def _steered(self, told: Told, rate: Array, limits: BankLimits, *, in_time: bool) -> Command:
+        """The command, once time and shapes are known."""
+        at, ended, lost = self._look_up(told)
+        layout = self._table.layout
+        own, state = at[layout.bank_rate], told.state
+        self.tracked = at
+        plausible = self._table.envelope.holds(state)
+        rolls = np.abs(rate) <= FASTEST * limits.rate
+        health = self._flown.health.copy()
+        bank = self._bank_angle(state[BANK].copy(), at[BANK], limits)
+        if not (plausible.all() and rolls.all()):
+            known = (np.abs(state) < SANE).all(axis=0) & (np.abs(rate) < SANE)
+            fault = np.where(known, Health.IMPLAUSIBLE_NAVIGATION, Health.BAD_NAVIGATION)
+            health = np.where(plausible & rolls, health, fault)
+            rate = np.where(rolls, rate, np.where(np.isnan(self._rate), own, self._rate))
+            state[:] = np.where(plausible, state, at[layout.states])  # for the law's memory
+        state[BANK] = bank
+        asked, angle = self._law.command(at, told, self._memory)
+        wanted, steering, held = asked, np.full(len(asked), int(Steering.TRACKED)), ended | lost
+        if not plausible.all():
+            wanted = np.where(plausible, asked, own)
+            steering = np.where(plausible, steering, Steering.REFERENCE)
+            angle = np.where(plausible, angle, self._angle)
+        if not in_time:
+            health = np.full(len(health), int(Health.BAD_TIME))
+        if held.any():
+            wanted = np.where(held, 0.0, wanted)
+            health = np.where(ended, Health.AFTER_FINAL_TIME, health)
+            steering = np.where(held, Steering.HELD, steering)
+        clock = self._clock
+        # The limits are of commands: from the measured rate, behind a lag of half a second at 10 Hz,
+        # they would leave a fifth of the acceleration, and the bank angle would overshoot by 19°.
+        last = np.where(np.isnan(self._rate), rate, self._rate)
+        new = limited_rate(limits, bank, last, wanted, clock.longest, clock.shortest)
+        self._rate, self._angle = new, angle
+        self._bank = bank + 0.5 * (rate + new) * clock.expected
+        return Command(new, self._bank, angle, steering, health)
+
+    def _look_up(self, told: Told) -> tuple[Array, NDArray[np.bool_], NDArray[np.bool_]]:
+        """Rows of the references (r, n) at this instant; which have ended; of which it is unknown."""
+        end = self._flown.end
+        value = self._law.now(self._clock.now, told)
+        value = value + np.zeros(len(end))
+        ended, lost = value >= end, np.isnan(value)
+        if lost.any():
+            value = np.where(lost, end, value)
+        return self._flown.at(value), ended, lost
+
+    def _bank_angle(self, told: Array, reference: Array, limits: BankLimits) -> Array:
+        """The bank angles (n,) on their turn; one that is lost is that of the last command."""
+        known = np.abs(told) <= self._table.envelope.reach[BANK]
+        if not known.all():
+            told = np.where(known, told, np.where(np.isnan(self._bank), reference, self._bank))
+        # otherwise all are on their turn, where it changes no bit
+        if np.abs(told).max() > np.pi or np.max(limits.angle) > NEAR_INVERTED:
+            told = bank_on_turn(limits, told, reference)
+        return told
+
+
+def not_begun(n: int) -> Command:
+    """Before any flight has been begun."""
+    held, health = np.full(n, int(Steering.HELD)), np.full(n, int(Health.NOT_BEGUN))
+    return Command(np.zeros(n), np.zeros(n), np.zeros(n), held, health)

@@ -1,0 +1,101 @@
+"""Every command of the flight code is that of `Guidance.step`, whatever it is given."""
+
+from __future__ import annotations
+
+import ctypes
+
+import numpy as np
+import pytest
+
+from ampi.onboard.health import Health, Steering
+from tests.export.conftest import LawMaker
+from tests.support.flight_blobs import blob_of, numpy_commands, recorded, some_parameters
+from tests.support.flight_code import FlightCode
+
+
+@pytest.mark.parametrize("cycle", [None, 0.5])
+@pytest.mark.parametrize(
+    ("law", "error"),
+    [("linear_quadratic", 0.0), ("drag_shuttle", 1e-11), ("drag_sliding_mode", 1e-11)],
+)
+def test_every_command_is_that_of_the_numpy_guidance(
+    code: ctypes.CDLL, entry: LawMaker, law: str, error: float, cycle: float | None
+) -> None:
+    guidance = entry(law, cycle=cycle, limit_axes={"angle": 2})
+    flight = FlightCode(code, blob_of(guidance))
+    rng = np.random.default_rng(17)
+    told = set()
+    for i, p in enumerate(some_parameters(guidance, rng, 20)):
+        guidance.begin(p)
+        flight.begin(p)
+        times, navigation, sensed = recorded(guidance, p, rng, 120)
+        felt = None if law == "linear_quadratic" or i % 7 == 0 else sensed
+        numbers, flags = numpy_commands(guidance, times, navigation, felt)
+        commands = flight.fly(times, navigation, felt)
+        assert commands["steering"].tolist() == flags[:, 0].tolist()
+        assert commands["health"].tolist() == flags[:, 1].tolist()
+        np.testing.assert_allclose(commands["numbers"], numbers, rtol=0.0, atol=error)
+        told |= set(flags[:, 1].tolist())
+    assert told >= {int(h) for h in Health} - {int(Health.HOLE_REFERENCE), int(Health.NOT_BEGUN)}
+
+
+@pytest.mark.parametrize("law", ["linear_quadratic", "drag_shuttle"])
+def test_another_reference_in_flight_is_taken_up_and_the_clock_goes_on(
+    code: ctypes.CDLL, entry: LawMaker, law: str
+) -> None:
+    guidance = entry(law, limit_axes={"angle": 2})
+    flight = FlightCode(code, blob_of(guidance))
+    rng = np.random.default_rng(3)
+    first, second = some_parameters(guidance, rng, 4)[::2]
+    times, navigation, sensed = recorded(guidance, first, rng, 60)
+    guidance.begin(first)
+    flight.begin(first)
+    for part in (slice(0, 30), slice(30, 60)):
+        given = (times[part], navigation[part], sensed[part])
+        numbers, flags = numpy_commands(guidance, *given)
+        commands = flight.fly(*given)
+        assert commands["health"].tolist() == flags[:, 1].tolist()
+        np.testing.assert_allclose(commands["numbers"], numbers, rtol=0.0, atol=1e-11)
+        guidance.follow(guidance.reference(second).copy())
+        flight.follow(second)
+
+
+def test_the_row_of_the_look_up_is_told(code: ctypes.CDLL, entry: LawMaker) -> None:
+    guidance = entry()
+    flight = FlightCode(code, blob_of(guidance))
+    p = np.array([axis[1] for axis in guidance.table.axes])
+    guidance.begin(p)
+    flight.begin(p)
+    for time in (0.0, 29.9, 30.0, 111.0, 5000.0):
+        guidance.step(time, np.zeros(8))
+        flight.fly([time], np.zeros((1, 8)))
+        assert flight.row(7).tolist() == guidance.tracked_states[:, 0].tolist()
+
+
+def test_what_is_not_told_is_not_known(code: ctypes.CDLL, entry: LawMaker) -> None:
+    """NULL pointers count as no numbers."""
+    guidance = entry()
+    flight = FlightCode(code, blob_of(guidance))
+    guidance.begin(np.full(3, np.nan))
+    flight.begin(None)
+    told = flight.fly([0.0], np.full((1, 8), np.nan))[0]
+    expected = guidance.step(0.0, np.full(8, np.nan))
+    assert (told["health"], told["steering"]) == (expected.health, expected.steering)
+    assert told["numbers"].tolist() == [expected.bank_rate, expected.bank_angle, 0.0]
+
+
+def test_a_flight_that_was_not_begun_commands_no_rate_and_says_so(
+    code: ctypes.CDLL, entry: LawMaker
+) -> None:
+    blob = blob_of(entry())
+    zeroed, closed = FlightCode(code, blob), FlightCode(code, blob[:-8])
+    closed.begin(np.zeros(3))
+    closed.follow(np.zeros(3))
+    other = FlightCode(code, blob_of(entry(cycle=0.1)))
+    other.begin(np.zeros(3))
+    other.table = zeroed.table  # begun with another table
+    for flight in (zeroed, closed, other):
+        told = flight.fly([0.0], np.zeros((1, 8)))[0]
+        assert told["health"] == Health.NOT_BEGUN
+        assert told["steering"] == Steering.HELD
+        assert told["numbers"].tolist() == [0.0, 0.0, 0.0]
