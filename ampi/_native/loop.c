@@ -44,6 +44,9 @@ int ampi_loop_flies(const ampi_loop *loop) {
 static void command(ampi_loop *loop, double time, const double *normal, const double *uniform,
                     size_t stride) {
     const int senses = loop->setting[AMPI_SET_senses] != 0.0;
+    if (loop->guidance == NULL) { /* what is flown is held */
+        return;
+    }
     ampi_delay_push(&loop->navigation, (const ampi_lanes *)loop->x);
     if (senses) {
         loop->engine->sensed(&loop->plant, (const ampi_lanes *)loop->x, loop->flown[PLANT_ANGLE], time,
@@ -78,7 +81,8 @@ static void note(const ampi_loop *loop, double *record) {
         const int flies = loop->flying[i] != 0u;
         for (size_t row = 0; row < PLANT_STATES; row++) {
             record[row * n + i] = flies ? loop->x[row][i] : (double)NAN;
-            record[(row + PLANT_STATES) * n + i] = flies ? loop->guidance[i].row[row] : (double)NAN;
+            record[(row + PLANT_STATES) * n + i] =
+                flies && loop->guidance != NULL ? loop->guidance[i].row[row] : (double)NAN;
         }
         for (size_t row = 0; row < PLANT_STEERING; row++) {
             record[(row + 2u * PLANT_STATES) * n + i] = flies ? loop->flown[row][i] : (double)NAN;

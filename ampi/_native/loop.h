@@ -56,7 +56,7 @@ typedef struct {
     double setting[AMPI_N_SETTINGS];
     ampi_lanes fixed[AMPI_N_FIXED];
     const ampi_table *table;
-    ampi_guidance *guidance; /* of each flight */
+    ampi_guidance *guidance; /* of each flight; NULL: the steering at the entry is held */
     size_t cycle;            /* number of the next */
     uint64_t flying[AMPI_LANES]; /* all bits or none */
     ampi_lanes x[PLANT_STATES], flown[PLANT_STEERING], before[PLANT_STEERING], command[PLANT_STEERING];

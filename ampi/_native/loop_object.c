@@ -99,10 +99,13 @@ static int set_profiles(LoopObject *self, PyObject *values, double step, size_t 
     return 0;
 }
 
-/* The flights `first` to `first` + n of a guidance. */
+/* The flights `first` to `first` + n of a guidance; of None: the steering is held. */
 static int set_guidance(LoopObject *self, PyObject *object, Py_ssize_t first) {
+    if (object == Py_None) {
+        return 0;
+    }
     if (!PyObject_TypeCheck(object, ampi_guidance_type)) {
-        PyErr_SetString(PyExc_TypeError, "guidance: expected a Guidance");
+        PyErr_SetString(PyExc_TypeError, "guidance: expected a Guidance or None");
         return -1;
     }
     GuidanceObject *const guidance = (GuidanceObject *)object;

@@ -20,13 +20,14 @@ from ampi.missions.mission import Mission
 from ampi.physics.state import N_STATES
 from ampi.simulation.closed_loop import Entries, FlightBatch, Rhythm, saturated_from
 from ampi.simulation.native_program import native_plant
-from ampi.simulation.plant import PLANT, RATE, InFlight
+from ampi.simulation.plant import PLANT, RATE, InFlight, Plant
 from ampi.simulation.sensors import BLOCK, NAVIGATED, SENSED
 from ampi.simulation.truth import Truth
 
 Array = NDArray[np.float64]
 Rows = dict[str, tuple[int, int]]  # first row and rows, by name, as the engine tells them
 
+UNRECORDED = 10**9  # cycles to the next record: none is wanted
 STATES, REFERENCE = slice(0, N_STATES), slice(N_STATES, 2 * N_STATES)  # of a record
 BANK_RATE, ANGLE_OF_ATTACK = 2 * N_STATES, 2 * N_STATES + 1
 
@@ -190,6 +191,60 @@ class _Loops:
             loop.results(found[-1])
         whole = np.concatenate(found, axis=1)
         return {name: whole[k : k + rows] for name, (k, rows) in table.items()}, whole[first:]
+
+
+def fly_held(plant: Plant, flights: InFlight, step: float) -> None:
+    """Fly a plant to the ends of its flights with the bank angle held, in steps of `step` (s)."""
+    prepared, n, lanes = native_plant(plant), len(flights.flying), core().LANES
+    nothing = dict.fromkeys(core().FIXED, 0.0)
+    fixed = _filled(
+        core().FIXED,
+        (n,),
+        **nothing
+        | {
+            "entry": flights.x,
+            "flying": flights.flying,
+            "target_speed": plant.target_speed,
+            "longest": plant.longest,
+        },
+    )
+    settings = _filled(
+        core().SETTINGS,
+        (),
+        cycle=step,
+        parts=1,
+        stride=UNRECORDED,
+        radius=1.0,
+        speed_tolerance=PLANT.speed_tolerance,
+        altitude_tolerance=PLANT.altitude_tolerance,
+        search=PLANT.search,
+        senses=0.0,
+    )
+    table, limits = core().RESULTS, len(plant.limits.names)
+    results = np.empty((table["peak"][0] + limits, n))
+    for own in (slice(k, min(k + lanes, n)) for k in range(0, n, lanes)):
+        count = own.stop - own.start
+        loop = core().Loop(
+            prepared.program,
+            None,
+            0,
+            count,
+            settings,
+            np.ascontiguousarray(fixed[:, own]),
+            np.ascontiguousarray(prepared.numbers[:, own]),
+            prepared.profiles[own],
+            prepared.step,
+            prepared.profiles.shape[1],
+            prepared.has_density,
+            prepared.has_wind,
+            "",
+        )
+        room, out = np.empty((1, core().RECORD_ROWS, count)), np.empty((len(results), count))
+        loop.fly(UNRECORDED, None, None, room)
+        loop.results(out)
+        results[:, own] = out
+    named = {name: results[k : k + rows] for name, (k, rows) in table.items()}
+    _end(flights, named, results[table["peak"][0] :])
 
 
 def _records(cycles: int, stride: int) -> int:

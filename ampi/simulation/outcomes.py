@@ -35,7 +35,8 @@ def flown(
     arrays["time"] = arrays.pop("times")
     arrays["path"] = _path(plant, batch)
     faults = Tolerances.of(mission.target).faults(arrays, plant.limits.names)
-    return {**arrays, **_reach(plant, np.any(list(faults.values()), axis=0))}
+    missed = np.any(list(faults.values()), axis=0)
+    return {**arrays, **_reach(plant, missed, guidance.engine)}
 
 
 def _truth(truth: Truth) -> dict[str, NDArray[Any]]:
@@ -80,7 +81,7 @@ def _path(plant: Plant, batch: FlightBatch) -> Array:
     return np.ascontiguousarray(np.stack(use, axis=-1).swapaxes(0, 1))
 
 
-def _reach(plant: Plant, missed: NDArray[np.bool_]) -> dict[str, Array]:
+def _reach(plant: Plant, missed: NDArray[np.bool_], engine: str) -> dict[str, Array]:
     """Distance of the target at entry; least and greatest range, of those that have not passed."""
     family, which = plant.family, np.flatnonzero(missed)
     entry, radius = family.entry_states.T, family.flight_model().planet.equatorial_radius
@@ -89,5 +90,5 @@ def _reach(plant: Plant, missed: NDArray[np.bool_]) -> dict[str, Array]:
     least, greatest = np.full((2, len(family)), np.nan)
     if len(which):
         with np.errstate(all="ignore"):  # an absurd entry has no range
-            least[which], greatest[which] = ranges(plant.take(which))
+            least[which], greatest[which] = ranges(plant.take(which), engine)
     return {"distance": distance, "least_range": least, "greatest_range": greatest}

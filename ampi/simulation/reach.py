@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from ampi.physics.planet import great_circle_distance
 from ampi.physics.state import LATITUDE, LONGITUDE
+from ampi.simulation.native_loop import fly_held
 from ampi.simulation.plant import FlightStatus, InFlight, Plant
 
 Array = NDArray[np.float64]
@@ -22,26 +23,29 @@ STEP = (
 BANKS = (0.0, 1.0, -1.0)  # of the limit
 
 
-def ranges(plant: Plant) -> tuple[Array, Array]:
+def ranges(plant: Plant, engine: str = "numpy") -> tuple[Array, Array]:
     """Least and greatest range (m), (n,) each, of the vehicles of a plant from entry over the ground.
 
     NaN where it is unknown: of a flight that cannot begin, the greatest of one that wings level meets
     the ground or its time limit, the least of one that does so banked to either side.
     """
     n = len(plant.family)
-    flown = _flown(plant.take(np.tile(np.arange(n), len(BANKS)))).reshape(len(BANKS), n)
+    everyone = plant.take(np.tile(np.arange(n), len(BANKS)))
+    flown = _flown(everyone, engine).reshape(len(BANKS), n)
     least, greatest = np.fmin.reduce(flown), np.fmax.reduce(flown)
     least[np.isnan(flown[1:]).all(axis=0)] = np.nan
     greatest[np.isnan(flown[0])] = np.nan
     return least, greatest
 
 
-def _flown(plant: Plant) -> Array:
+def _flown(plant: Plant, engine: str) -> Array:
     """Range (m) of all flights to the target speed, on each of `BANKS` in turn; NaN of who fails."""
     everyone = len(plant.family)
     bank = np.repeat(BANKS, everyone // len(BANKS)) * plant.limits.bank_angle
     finite = np.all(np.isfinite(plant.truth.parameters), axis=1)
     flights, held, time = InFlight.at_entry(plant, bank, finite), np.zeros((2, everyone)), 0.0
+    if engine == "native":
+        fly_held(plant, flights, STEP)
     while flights.flying.any():
         flights.advance(plant, held, held, time, STEP)
         time += STEP

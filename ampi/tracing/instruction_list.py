@@ -212,10 +212,7 @@ class _Allocation:
             if (pair := self._assembler.pair(operation)) is not None:
                 code.append((opcode, *pair[:2], operands[0], pair[2], 0))
                 continue
-            first, second = (self._result(k) for k in (*operation.results, NOWHERE)[:2])
-            for value, place in zip(operation.results, (first, second), strict=False):
-                if value is None or (value not in last and value in self._place):
-                    self._free.append(place)  # of a pair, one is not wanted
+            first, second = (*self._results(operation, last), NOWHERE)[:2]
             if operation.name == SINCOS:
                 operands[1] = NOWHERE
             code.append((opcode, first, second, *operands))
@@ -242,9 +239,17 @@ class _Allocation:
         own = self._assembler.place
         return own[value] if value in own else self._place[value]
 
+    def _results(self, operation: Operation, last: dict[int, int]) -> list[int]:
+        """Where the results go; of a pair, the one that is not wanted goes to a place that is free."""
+        places = [self._result(value) for value in operation.results]
+        self._free += [
+            place
+            for value, place in zip(operation.results, places, strict=True)
+            if value is None or (value not in last and value in self._place)
+        ]
+        return places
+
     def _result(self, value: int | None) -> int:
-        if value == NOWHERE:
-            return NOWHERE
         if value in self._assembler.place:
             return self._assembler.place[value]
         if not self._free:

@@ -31,7 +31,7 @@ def test_without_a_compiler_the_package_says_so_and_flies_in_numpy(
     short: Mission, short_guidance: Guidance
 ) -> None:
     assert not engine.is_available()
-    with pytest.raises(ImportError, match="without its compiled engine .*reinstall it with a C comp"):
+    with pytest.raises(ImportError, match="without its compiled engine"):
         engine.core()
     truth = load_world("entry").draw(short, 2, 1)
     guidance = short_guidance.on_engine("numpy").at_cycle(2.0)
