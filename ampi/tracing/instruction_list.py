@@ -76,7 +76,9 @@ class Assembler:
         self._scalar: dict[tuple[int, ...], int] = {}
         self._filled: list[int] = []  # scalars that are wanted at a place
         self._kept: list[int] = []  # values of a flight that are wanted at each evaluation
-        self._pairs: dict[int, tuple[int, int, int]] = {}  # of an angle: sine, cosine, the angle then
+        self._pairs: dict[
+            int, tuple[int, int, int]
+        ] = {}  # of an angle: sine, cosine, the angle then
 
     def program(self, entries: Sequence[Sequence[int]]) -> Program:
         """Each entry computes some outputs of the graph."""

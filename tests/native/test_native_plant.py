@@ -53,9 +53,9 @@ def test_it_agrees_with_dop853_under_the_flown_bank_rate(
 
         x = states[:6, 0]
         for begin, end in pairwise([0.0, *(k for k in KINKS if k < times[-1]), float(times[-1])]):
-            x = solve_ivp(
-                f, (begin, end), x, "DOP853", rtol=1e-10, atol=1e-9, max_step=2.0
-            ).y[:, -1]
+            x = solve_ivp(f, (begin, end), x, "DOP853", rtol=1e-10, atol=1e-9, max_step=2.0).y[
+                :, -1
+            ]
         errors.append(np.abs(x[:3] - states[:3, n - 1]) * METRES)
     assert np.max(errors) < 0.01
 
