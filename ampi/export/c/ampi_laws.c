@@ -89,8 +89,8 @@ static double instant_of(const ampi_table *table, const ampi_guidance *guidance,
 {
     const double *along = guidance->along, final_time = guidance->reference.final_time;
     const size_t last = table->n.points - 1u;
-    double way, w, begin, end, slope, before, after, left, right, bend, other, instant;
-    bool is_left, is_right;
+    double way, w, begin, end, slope, before, after, left, right, bend, other, inside, ahead, back;
+    bool is_left, is_right, jumps;
     size_t i = 0u, n;
 
     for (n = last; n > 1u; n -= n / 2u) { /* the last point but one that is reached */
@@ -105,16 +105,15 @@ static double instant_of(const ampi_table *table, const ampi_guidance *guidance,
     right = slope_between(table, guidance, i + 1u, ((i + 2u) < last) ? (i + 2u) : last, &after);
     is_left = (left <= (ALIKE * slope)) && (slope <= (ALIKE * left));
     is_right = (right <= (ALIKE * slope)) && (slope <= (ALIKE * right));
-    bend = is_left ? (way * (left - slope) / (way + before)) : 0.0;
-    other = is_right ? (way * (right - slope) / (way + after)) : -bend;
-    bend = is_left ? bend : -other;
-    instant = begin + way * w * (slope + (1.0 - w) * ((1.0 - w) * bend - w * other));
-    if ((left > 0.0) && (right > 0.0) && !is_left && !is_right) { /* the look-up jumps */
-        const double inside = clipped(value, along[i], along[i + 1u]);
-        instant = (w < 0.5) ? least(begin + (inside - along[i]) * left, end)
-                            : most(end - (along[i + 1u] - inside) * right, begin);
-    }
-    return instant;
+    bend = chosen(is_left, way * (left - slope) / (way + before), 0.0);
+    other = chosen(is_right, way * (right - slope) / (way + after), -bend);
+    bend = chosen(is_left, bend, -other);
+    inside = clipped(value, along[i], along[i + 1u]);
+    ahead = least(begin + (inside - along[i]) * left, end);
+    back = most(end - (along[i + 1u] - inside) * right, begin);
+    jumps = (left > 0.0) && (right > 0.0) && !is_left && !is_right;
+    return chosen(jumps, chosen(w < 0.5, ahead, back),
+                  begin + way * w * (slope + (1.0 - w) * ((1.0 - w) * bend - w * other)));
 }
 
 double ampi_instant(const ampi_guidance *guidance, const ampi_table *table, const double *state,
@@ -208,13 +207,12 @@ static double drag_sliding_mode(ampi_guidance *guidance, const double *gain, con
     const double s = rate + gain[LAMBDA] * drag * error;
     const double known = gain[LAMBDA] * drag * rate - authority * above;
     const bool is_acting = (felt.drag > gain[FELT_DRAG]) && (fabs(s + known) < HUGE_VAL);
-    double ahead = memory[SURFACE] + step * (known + memory[DISTURBANCE]); /* the observer */
+    const double ahead = memory[SURFACE] + step * (known + memory[DISTURBANCE]); /* the observer */
     const double d = memory[DISTURBANCE] + forgotten * forgotten / step * (s - ahead);
     double asked, cosine, spare, wanted, change;
 
     memory[DISTURBANCE] = chosen(is_acting, clipped(d, -bound, bound), 0.0);
-    ahead += forgotten * (2.0 - forgotten) * (s - ahead);
-    memory[SURFACE] = chosen(is_acting, ahead, 0.0);
+    memory[SURFACE] = chosen(is_acting, ahead + forgotten * (2.0 - forgotten) * (s - ahead), 0.0);
     asked = gain[REACHING] * s + gain[SWITCHING] * s / (fabs(s) + gain[BOUNDARY]);
     asked = memory[DISTURBANCE] + drag * (gain[LAMBDA] * rate + asked);
     cosine = (vertical + asked / authority) / felt.lift; /* Eq. (4) */

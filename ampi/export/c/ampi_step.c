@@ -12,7 +12,7 @@ static void restart(ampi_guidance *guidance, const ampi_table *table)
 {
     guidance->begins = 1u;
     guidance->is_first = 1u;
-    guidance->given = guidance->now = guidance->interval = (double)NAN;
+    guidance->given = guidance->now = guidance->interval = AMPI_NAN;
     guidance->longest = guidance->expected = table->set.cycle;
     guidance->shortest = (table->n.is_cycle_stated != 0u) ? table->set.cycle : AMPI_SHORTEST;
 }
@@ -20,7 +20,7 @@ static void restart(ampi_guidance *guidance, const ampi_table *table)
 /* Nothing has been commanded yet. */
 static void forget(ampi_guidance *guidance)
 {
-    guidance->rate = guidance->bank = (double)NAN;
+    guidance->rate = guidance->bank = AMPI_NAN;
     guidance->angle = 0.0;
     (void)memset(guidance->memory, 0, sizeof guidance->memory);
 }
@@ -54,7 +54,7 @@ void ampi_guidance_begin(ampi_guidance *guidance, const ampi_table *table, const
 {
     size_t i;
     ampi_guidance_reset(guidance, table);
-    for (i = 0u; i < AMPI_MAX_ROWS; i++) { guidance->row[i] = (double)NAN; }
+    for (i = 0u; i < AMPI_MAX_ROWS; i++) { guidance->row[i] = AMPI_NAN; }
     ampi_reference_at(table, parameters, &guidance->reference);
     guidance->is_begun = table->is_open;
     if (table->is_open == AMPI_OPEN) { take_up(guidance, table, parameters); }
@@ -88,7 +88,7 @@ static bool advance(ampi_guidance *guidance, const ampi_table *table, double tim
 
     if (is_first) {
         restart(guidance, table);
-        guidance->interval = (table->n.is_cycle_stated != 0u) ? cycle : (double)NAN;
+        guidance->interval = (table->n.is_cycle_stated != 0u) ? cycle : AMPI_NAN;
     }
     /* of two, lest a silence counts as a cycle; both bounds forget slowly */
     forgot = least(low, shortest + FORGOTTEN * (low - shortest));
@@ -135,23 +135,32 @@ static double stopping_rate(double room, double a, double cycle)
     return stopping + 2.0 * least(room, 0.0) / cycle; /* one of the two is 0 */
 }
 
+/* After `rate` the one nearest to what is wanted, within `fastest` and a change; no NaN but of NaN. */
+static double next_rate(double rate, double wanted, double fastest, double change)
+{
+    return clipped(clipped(wanted, -fastest, fastest), rate - change, rate + change);
+}
+
 /* The rate at the end of this cycle, within the limits of angle, rate and acceleration. */
 static double limited_rate(const ampi_guidance *guidance, double bank, double rate, double command)
 {
-    const double cycle = guidance->longest, fastest = guidance->limit[1];
-    const double a = guidance->limit[2] * (guidance->shortest / cycle), change = a * cycle;
+    const double cycle = guidance->longest;
+    const double a = guidance->limit[2] * (guidance->shortest / cycle);
     const double ahead = bank + 0.5 * rate * cycle;
     const double up = stopping_rate(guidance->limit[0] - ahead, a, cycle);
     const double down = stopping_rate(guidance->limit[0] + ahead, a, cycle);
-    const double wanted = clipped(clipped(command, -down, up), -fastest, fastest);
-    return clipped(wanted, rate - change, rate + change);
+    return next_rate(rate, clipped(command, -down, up), guidance->limit[1], a * cycle);
 }
 
 ampi_command ampi_guidance_step(ampi_guidance *guidance, const ampi_table *table, double time,
                                 const double navigation[AMPI_N_NAVIGATED], const double *sensed)
 {
     ampi_command command = {0.0, 0.0, 0.0, AMPI_HELD, AMPI_NOT_BEGUN};
-    double told[AMPI_N_NAVIGATED], state[AMPI_N_STATES], felt[3], bank, rate, own, wanted, angle, last;
+    static const double NOTHING[AMPI_N_NAVIGATED] = {AMPI_NAN, AMPI_NAN, AMPI_NAN, AMPI_NAN,
+                                                     AMPI_NAN, AMPI_NAN, AMPI_NAN, AMPI_NAN};
+    const double *told = (navigation != NULL) ? navigation : NOTHING;
+    const double *felt = (sensed != NULL) ? sensed : NOTHING;
+    double state[AMPI_N_STATES], bank, rate, own, wanted, angle, last;
     bool is_in_time, is_ended, is_lost, is_state, is_rate;
     size_t i, known = 0u;
     int32_t fault;
@@ -160,11 +169,7 @@ ampi_command ampi_guidance_step(ampi_guidance *guidance, const ampi_table *table
         || (guidance->reference.checksum != table->checksum)) {
         return command;
     }
-    for (i = 0u; i < AMPI_N_NAVIGATED; i++) {
-        told[i] = (navigation != NULL) ? navigation[i] : (double)NAN;
-        known += (fabs(told[i]) < AMPI_SANE) ? 1u : 0u;
-    }
-    for (i = 0u; i < 3u; i++) { felt[i] = (sensed != NULL) ? sensed[i] : (double)NAN; }
+    for (i = 0u; i < AMPI_N_NAVIGATED; i++) { known += (fabs(told[i]) < AMPI_SANE) ? 1u : 0u; }
     is_in_time = advance(guidance, table, time);
     if (guidance->is_first != 0u) { forget(guidance); }
     ampi_row_at(table, &guidance->reference,
