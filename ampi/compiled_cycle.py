@@ -48,24 +48,33 @@ class CompiledCycle:
     def __init__(self, flown: FlownReferences, opened: Any) -> None:
         """`opened` is the table in C, a `core().Table`."""
         self._flown, n = flown, len(flown)
-        self._code = core().Guidance(opened, n)
+        self.code = core().Guidance(opened, n)
         self._is_begun = False
         self.tracked = np.full((len(flown.table.layout), n), np.nan)
+
+    def begin(self, parameters: Array) -> None:
+        """Begin n flights of p (n, d), on references of C's own; `flown` is told of them."""
+        flown, told = self._flown, np.empty((4, len(self._flown)))
+        self.code.begin(np.ascontiguousarray(parameters))
+        self.code.flown(told, flown.nodal)
+        flown.final_time[:] = told[0]
+        flown.clipped[:], flown.hole[:], flown.health[:] = told[1:]
+        self._is_begun = True
 
     def follow(self, parameters: Array, limits: BankLimits) -> None:
         """The references that are flown have changed; C makes the limits of the parameters itself."""
         flown = self._flown
         told = np.stack([flown.final_time, flown.health.astype(float)], axis=1)
-        self._code.follow(np.ascontiguousarray(parameters), flown.nodal, told)
+        self.code.follow(np.ascontiguousarray(parameters), flown.nodal, told)
         self._is_begun = True
 
     def expect_begin(self) -> None:
         """The next time begins a flight if it does not go on."""
-        self._code.expect_begin()
+        self.code.expect_begin()
 
     def reset(self) -> None:
         """Begin a new flight: the next command is the first, whatever its time."""
-        self._code.reset()
+        self.code.reset()
 
     def step(self, time: float, navigated: Array, felt: Array) -> Command:
         """Commands at a time (s), of navigation (8, n) and accelerations (3, n)."""
@@ -74,6 +83,6 @@ class CompiledCycle:
             return not_begun(n)
         commands, self.tracked = np.empty((5, n)), np.empty_like(self.tracked)
         told, sensed = np.ascontiguousarray(navigated), np.ascontiguousarray(felt)
-        self._code.step(time, told, sensed, commands, self.tracked)
+        self.code.step(time, told, sensed, commands, self.tracked)
         rate, bank, angle, steering, health = commands
         return Command(rate, bank, angle, steering.astype(np.int64), health.astype(np.int64))

@@ -193,8 +193,11 @@ class Guidance:
         told = rows(parameters, len(self.table.axes))
         if len(told) != len(self._flown):
             self._allocate(len(told))
+        if isinstance(self._cycle, CompiledCycle):
+            self._cycle.begin(told)
+            return
         for i, p in enumerate(told):
-            self._flown.set(i, self.reference(p))
+            self._flown.set(i, self._generator.nodal(p))
         self._flown.rewind()
         self._follow(told)
         self.reset()
@@ -225,6 +228,19 @@ class Guidance:
     def opened(self) -> Any:
         """The table as the native engine has opened it."""
         return core().Table(self.blob())
+
+    @property
+    def compiled(self) -> Any:
+        """The flights in C, a `core().Guidance`, if the native engine computes.
+
+        Raises
+        ------
+        ValueError
+            If another one does.
+        """
+        if not isinstance(self._cycle, CompiledCycle):
+            raise ValueError(f"guidance: expected one on the native engine, got {self.engine}")
+        return self._cycle.code
 
     def _engine(self, asked: str) -> str:
         """The engine that computes, by its name."""

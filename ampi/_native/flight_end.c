@@ -82,7 +82,7 @@ void ampi_flight_ends(ampi_loop *loop, size_t lane, const ampi_lanes *old, const
     after(&step, passed, end);
     if (!is_finite(end)) {
         for (size_t row = 0; row < PLANT_STATES; row++) {
-            end[row] = NAN;
+            end[row] = (double)NAN;
         }
         passed = 0.0;
         status = PLANT_NOT_FINITE;

@@ -228,26 +228,43 @@ static PyObject *step(PyObject *object, PyObject *const *arguments, Py_ssize_t c
     return answer;
 }
 
-/* flown(out (4, n)): final time, whether clipped, whether a hole, health, of the references flown */
-static PyObject *flown(PyObject *object, PyObject *array) {
+/* flown(told (4, n), nodal (n, nodes, r)): of the references flown final time, whether clipped, whether
+ * there is a hole, health; and their rows at the nodes */
+static PyObject *flown(PyObject *object, PyObject *const *arguments, Py_ssize_t count) {
     GuidanceObject *const self = (GuidanceObject *)object;
-    Py_buffer view;
-    if (ampi_doubles(array, "out", 4u * self->n, 1, &view) != 0) {
+    const ampi_table *const table = self->table;
+    const size_t n = self->n, nodes = table->n.nodes, rows = table->n.rows;
+    Py_buffer told, nodal;
+    if (count != 2) {
+        PyErr_SetString(PyExc_TypeError, "flown: expected told, nodal");
         return NULL;
     }
-    double *const out = view.buf;
-    for (size_t i = 0; i < self->n; i++) {
+    if (ampi_doubles(arguments[0], "told", 4u * n, 1, &told) != 0) {
+        return NULL;
+    }
+    if (ampi_doubles(arguments[1], "nodal", n * nodes * rows, 1, &nodal) != 0) {
+        PyBuffer_Release(&told);
+        return NULL;
+    }
+    for (size_t i = 0; i < n; i++) {
         const ampi_reference *const own = &self->guidance[i].reference;
+        double *const out = (double *)told.buf + i, *const values = (double *)nodal.buf + i * nodes * rows;
         uint32_t clipped = 0;
-        for (size_t axis = 0; axis < self->table->n.axes; axis++) {
+        for (size_t axis = 0; axis < table->n.axes; axis++) {
             clipped |= own->clipped[axis];
         }
-        out[i] = own->final_time;
-        out[self->n + i] = clipped != 0u ? 1.0 : 0.0;
-        out[2u * self->n + i] = own->hole != 0u ? 1.0 : 0.0;
-        out[3u * self->n + i] = (double)own->health;
+        out[0] = own->final_time;
+        out[n] = clipped != 0u ? 1.0 : 0.0;
+        out[2u * n] = own->hole != 0u ? 1.0 : 0.0;
+        out[3u * n] = (double)own->health;
+        for (size_t row = 0; row < rows; row++) {
+            for (size_t node = 0; node < nodes; node++) {
+                values[node * rows + row] = own->rows[row * nodes + node];
+            }
+        }
     }
-    PyBuffer_Release(&view);
+    PyBuffer_Release(&nodal);
+    PyBuffer_Release(&told);
     Py_RETURN_NONE;
 }
 
@@ -288,7 +305,8 @@ static PyMethodDef guidance_methods[] = {
      "expect_begin(): the next time begins a flight if it does not go on."},
     {"step", (PyCFunction)(void (*)(void))step, METH_FASTCALL,
      "step(time, navigation, sensed, commands, rows): one cycle of all flights."},
-    {"flown", flown, METH_O, "flown(out): final time, clipped, hole and health (4, n)."},
+    {"flown", (PyCFunction)(void (*)(void))flown, METH_FASTCALL,
+     "flown(told, nodal): final time, clipped, hole and health (4, n), and the references' rows."},
     {"reference", reference, METH_VARARGS, "reference(parameters, low, times, rows): one reference."},
     {NULL, NULL, 0, NULL},
 };

@@ -2,7 +2,7 @@
  *
  * Each instruction is a loop over the lanes that the compiler turns into vectors. Operands and results
  * lie at the same place or at different ones, they never overlap otherwise. */
-#include "instructions.h"
+#include "plant.h"
 #include "vector_math.h"
 
 #if defined(__clang__)
@@ -123,20 +123,38 @@ OPERATION(horner) {
     }
 }
 
-/* Sine and cosine of which one may be not wanted. */
+/* Sine and cosine; where b is a place it remembers the angles. An angle of attack that is held, as most
+ * schedules do, has the sines of the stage before. */
 OPERATION(sincos_v) {
-    double angle[AMPI_LANES], unwanted[AMPI_LANES];
-    double *const sine = at->result == AMPI_NOWHERE ? unwanted : PLACE(at->result);
-    double *const cosine = at->second == AMPI_NOWHERE ? unwanted : PLACE(at->second);
+    const double *const angle = PLACE(at->a);
+    double *const sine = PLACE(at->result), *const cosine = PLACE(at->second);
     (void)scalars;
-    memcpy(angle, PLACE(at->a), sizeof angle);
+    if (at->b != AMPI_NOWHERE) {
+        if (memcmp(PLACE(at->b), angle, AMPI_LANES * sizeof(double)) == 0) {
+            return;
+        }
+        memcpy(PLACE(at->b), angle, AMPI_LANES * sizeof(double));
+    }
     for (int i = 0; i < AMPI_LANES; i++) {
-        lane_sincos(angle[i], &sine[i], &cosine[i]);
+        const double own = angle[i]; /* may lie where a result goes */
+        lane_sincos(own, &sine[i], &cosine[i]);
     }
 }
 
 #define IN_THE_TABLE(name) run_##name,
 static operation *const OPERATIONS[] = {AMPI_OPERATIONS(IN_THE_TABLE)};
+
+/* Nothing is remembered: not-a-number, whose sine is one. */
+static void forget(const ampi_list *list, double *places) {
+    for (size_t k = 0; k < list->count; k++) {
+        const ampi_instruction *const at = &list->code[k];
+        if (at->opcode == AMPI_OP_sincos_v && at->b != AMPI_NOWHERE) {
+            for (int i = 0; i < AMPI_LANES; i++) {
+                PLACE(at->b)[i] = PLACE(at->result)[i] = PLACE(at->second)[i] = (double)NAN;
+            }
+        }
+    }
+}
 
 static void run(const ampi_instruction *begin, size_t count, double *places, const double *scalars) {
     for (const ampi_instruction *at = begin; at < begin + count; at++) {

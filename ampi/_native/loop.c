@@ -7,10 +7,14 @@
 #define EACH_LANE for (size_t i = 0; i < AMPI_LANES; i++)
 
 void ampi_loop_begin(ampi_loop *loop) {
-    const ampi_list *const begin = &loop->plant.program->begin;
+    const ampi_program *const program = loop->plant.program;
+    const ampi_list *const lists[] = {&program->rates, &program->rates_and_use, &program->sensed};
     const ampi_lanes *const fixed = (const ampi_lanes *)loop->fixed;
     loop->cycle = 0;
-    loop->engine->run(begin, loop->plant.places, loop->plant.program->scalars);
+    for (size_t k = 0; k < sizeof lists / sizeof lists[0]; k++) {
+        loop->engine->forget(lists[k], loop->plant.places);
+    }
+    loop->engine->run(&program->begin, loop->plant.places, program->scalars);
     memcpy(loop->x, fixed[AMPI_FIX_entry], sizeof loop->x);
     memcpy(loop->flown[PLANT_RATE], fixed[AMPI_FIX_bank_rate], sizeof(ampi_lanes));
     memset(loop->flown[PLANT_ANGLE], 0, sizeof(ampi_lanes));
@@ -21,8 +25,8 @@ void ampi_loop_begin(ampi_loop *loop) {
     memset(loop->peak, 0, loop->n_limits * sizeof(ampi_lanes));
     EACH_LANE {
         loop->flying[i] = i < loop->flights && fixed[AMPI_FIX_flying][i] != 0.0 ? ~(uint64_t)0 : 0u;
-        loop->altitude_before[i] = -INFINITY;
-        loop->result[AMPI_END_rebound][i] = NAN;
+        loop->altitude_before[i] = -(double)INFINITY;
+        loop->result[AMPI_END_rebound][i] = (double)NAN;
     }
     memcpy(loop->navigation.back, fixed[AMPI_FIX_navigation_latency], sizeof(ampi_lanes));
     memcpy(loop->actuator.back, fixed[AMPI_FIX_actuator_delay], sizeof(ampi_lanes));
@@ -76,12 +80,12 @@ static void note(const ampi_loop *loop, double *record) {
     for (size_t i = 0; i < n; i++) {
         const int flies = loop->flying[i] != 0u;
         for (size_t row = 0; row < PLANT_STATES; row++) {
-            record[row * n + i] = flies ? loop->x[row][i] : NAN;
+            record[row * n + i] = flies ? loop->x[row][i] : (double)NAN;
             record[(row + PLANT_STATES) * n + i] =
-                flies && loop->guidance != NULL ? loop->guidance[i].row[row] : NAN;
+                flies && loop->guidance != NULL ? loop->guidance[i].row[row] : (double)NAN;
         }
         for (size_t row = 0; row < PLANT_STEERING; row++) {
-            record[(row + 2u * PLANT_STATES) * n + i] = flies ? loop->flown[row][i] : NAN;
+            record[(row + 2u * PLANT_STATES) * n + i] = flies ? loop->flown[row][i] : (double)NAN;
         }
     }
 }
@@ -155,5 +159,6 @@ size_t ampi_loop_fly(ampi_loop *loop, size_t cycles, const double *normal, const
             advance(loop, (const ampi_lanes *)old, time + (double)part * h, h);
         }
     }
+    loop->cycle += cycles - done; /* all loops of a batch count alike, those that have ended too */
     return done;
 }

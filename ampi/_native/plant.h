@@ -56,6 +56,7 @@ typedef struct {
 /* Compiled once for each instruction set; all give the same bits. */
 typedef struct {
     const char *name;
+    void (*forget)(const ampi_list *list, double *places); /* before the first run */
     void (*run)(const ampi_list *list, double *places, const double *scalars);
     /* Specific force (3 rows) at the states. */
     void (*sensed)(const ampi_plant *plant, const ampi_lanes *x, const double *angle, double time,

@@ -1,6 +1,5 @@
 /* The plant over all lanes; included once for each instruction set, with ENGINE and ENGINE_NAME. */
 #include "interpreter.h"
-#include "plant.h"
 
 static void run_list(const ampi_list *list, double *places, const double *scalars) {
     run(list->code, list->count, places, scalars);
@@ -156,4 +155,4 @@ static void lagged(const ampi_lanes *asked, const ampi_lanes *then, const double
     }
 }
 
-const ampi_engine ENGINE = {ENGINE_NAME, run_list, sensed, advance, lagged};
+const ampi_engine ENGINE = {ENGINE_NAME, forget, run_list, sensed, advance, lagged};

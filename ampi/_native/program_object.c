@@ -14,8 +14,9 @@ static int keeps_within(const ampi_instruction *at, size_t places, size_t scalar
     const char *kinds = strrchr(NAMES[at->opcode], '_');
     const uint16_t operands[3] = {at->a, at->b, at->c};
     const int is_pair = at->opcode == AMPI_OP_sincos_v;
-    int good = at->result < places || (is_pair && at->result == AMPI_NOWHERE);
-    good = good && (!is_pair || at->second < places || at->second == AMPI_NOWHERE);
+    int good = at->result < places;
+    good = good && (!is_pair || at->second < places);
+    good = good && (!is_pair || at->b < places || at->b == AMPI_NOWHERE);
     if (at->opcode == AMPI_OP_fill) {
         return good && at->a < scalars;
     }
@@ -154,6 +155,7 @@ PyType_Spec ampi_program_spec = {"ampi._native._core.Program", (int)sizeof(Progr
 
 static void evaluate(const ampi_engine *engine, const ampi_list *list, double *places,
                      const double *scalars, const double *in, size_t inputs, double *out, size_t n) {
+    engine->forget(list, places);
     for (size_t first = 0; first < n; first += AMPI_LANES) {
         for (size_t i = 0; i < AMPI_LANES; i++) {
             const size_t own = first + i < n ? first + i : first;

@@ -58,7 +58,7 @@ void ampi_navigation(const ampi_loop *loop, size_t lane, const double *normal, c
     }
     if (uniform != NULL && *uniform < fixed[AMPI_FIX_navigation_dropout][lane]) {
         for (size_t row = 0; row < AMPI_N_NAVIGATED; row++) {
-            told[row] = NAN;
+            told[row] = (double)NAN;
         }
     }
 }

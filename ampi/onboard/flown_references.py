@@ -21,7 +21,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from ampi.onboard.reference import Reference
+from ampi.onboard.reference import NodalReference
 from ampi.onboard.table import GuidanceTable
 
 Array = NDArray[np.float64]
@@ -56,7 +56,7 @@ class FlownReferences:
         """Where each reference ends (n,): its final time, or the last value along it."""
         return self.final_time if self._along is None else self._along[:, -1]
 
-    def set(self, flight: int, reference: Reference) -> None:
+    def set(self, flight: int, reference: NodalReference) -> None:
         """Fly `reference` from now on; `look_up_by` comes next."""
         self.nodal[flight] = reference.nodal.T
         self.final_time[flight] = reference.final_time

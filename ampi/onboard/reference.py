@@ -63,13 +63,11 @@ FAR = 0.2  # of an axis' range: further outside, the boundary trajectory is not 
 ROUNDING = 16.0 * float(np.finfo(float).eps)
 
 
-@dataclass(frozen=True, eq=False)
-class Reference:
-    """The high-density reference; m points. Arrays are overwritten by the next entry: `copy`."""
+@dataclass(frozen=True, eq=False, kw_only=True)
+class NodalReference:
+    """The low-density reference, which is all that is flown; n nodes. `nodal` is overwritten, too."""
 
-    times: Array  # (m,), s since the entry interface
-    rows: Array  # (r, m), the table's; SI, rad
-    nodal: Array  # (r, n), the same at the low-density nodes
+    nodal: Array  # (r, n), the table's rows; SI, rad
     layout: RowLayout  # of the rows
     final_time: float  # s
     cell: tuple[int, ...]  # first grid index on each axis
@@ -78,6 +76,19 @@ class Reference:
     hole: bool  # part of it is borrowed from the neighbour of a case without solution
     parameters: tuple[float, ...]  # the measured p, as it was given
     health: Health  # GOOD, or why this reference is not what was asked
+
+    @property
+    def inside(self) -> bool:
+        """Whether the parameters lie inside the hypercube."""
+        return not any(self.clipped)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Reference(NodalReference):
+    """The high-density reference; m points. Arrays are overwritten by the next entry: `copy`."""
+
+    times: Array  # (m,), s since the entry interface
+    rows: Array  # (r, m); SI, rad
     # parts of `rows`
     states: Array = field(init=False)  # (7, m): h, θ, φ, V, γ, ψ, σ
     bank_rate: Array = field(init=False)  # (m,), rad/s
@@ -89,11 +100,6 @@ class Reference:
         object.__setattr__(self, "states", self.rows[self.layout.states])
         object.__setattr__(self, "bank_rate", self.rows[self.layout.bank_rate])
         object.__setattr__(self, "gains", self.rows[self.layout.gains])
-
-    @property
-    def inside(self) -> bool:
-        """Whether the parameters lie inside the hypercube."""
-        return not any(self.clipped)
 
     def copy(self) -> Reference:
         """A reference of its own memory."""
@@ -149,7 +155,16 @@ class ReferenceGenerator:
         Never an exception: a parameter that is no finite number, or each if p is no vector of d of them,
         counts as nominal, and `health` says so.
         """
-        table, d = self.table, len(self._edges)
+        low, table = self.nodal(parameters), self.table
+        np.matmul(self._low, table.conversion, out=self._high)
+        fixed, free = table.high_density_time
+        np.multiply(free, low.final_time, out=self._times)
+        np.add(self._times, fixed, out=self._times)
+        return Reference(times=self._times, rows=self._high, **vars(low))
+
+    def nodal(self, parameters: ArrayLike) -> NodalReference:
+        """The same before the conversion to high density."""
+        d = len(self._edges)
         measured = numbers(parameters, d).tolist()
         placed, excess = [0.0] * d, [0.0] * d
         for i in range(d):
@@ -157,18 +172,11 @@ class ReferenceGenerator:
         clipped = [share > 0.0 and self.mode is not Mode.NOMINAL for share in excess]
         row = self._interpolator(placed)
         self._low[...] = row[:-1].reshape(self._low.shape)
-        np.matmul(self._low, table.conversion, out=self._high)
-        final_time = float(row[-1])
-        fixed, free = table.high_density_time
-        np.multiply(free, final_time, out=self._times)
-        np.add(self._times, fixed, out=self._times)
         hole = self._holes is not None and self._interpolator.weighs(self._holes)
-        return Reference(
-            times=self._times,
-            rows=self._high,
+        return NodalReference(
             nodal=self._low,
-            layout=table.layout,
-            final_time=final_time,
+            layout=self.table.layout,
+            final_time=float(row[-1]),
             cell=self._interpolator.first,
             clipped=tuple(clipped),
             excess=tuple(excess),

@@ -45,8 +45,8 @@ def fly_batch(
 
     Raises
     ------
-    ImportError
-        If the engine is not there.
+    ValueError
+        If the engine of `guidance` is another one.
     """
     with np.errstate(all="ignore"):  # an absurd entry is a record with a status, not a warning
         return _Loops(family, guidance, truth, record_every, instruction_set).flown()
@@ -68,8 +68,7 @@ class _Loops:
             Rhythm.of(guidance.cycle, every),
             Entries.of(family, guidance, truth),
         )
-        self.code = core().Guidance(guidance.opened, len(truth))
-        self.code.begin(np.ascontiguousarray(self.entries.parameters))
+        self.code = guidance.compiled  # which has begun
         lanes = core().LANES
         self.blocks = [slice(k, min(k + lanes, len(truth))) for k in range(0, len(truth), lanes)]
         self.loops = self._loops(instruction_set)

@@ -18,7 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ampi.tracing.instruction_selection import HORNER, Operation, selected
+from ampi.tracing.instruction_selection import HORNER, SINCOS, Operation, selected
 from ampi.tracing.value_graph import CONSTANT, INPUT, ValueGraph
 
 Array = NDArray[np.float64]
@@ -76,6 +76,9 @@ class Assembler:
         self._scalar: dict[tuple[int, ...], int] = {}
         self._filled: list[int] = []  # scalars that are wanted at a place
         self._kept: list[int] = []  # values of a flight that are wanted at each evaluation
+        self._pairs: dict[
+            int, tuple[int, int, int]
+        ] = {}  # of an angle: sine, cosine, the angle then
 
     def program(self, entries: Sequence[Sequence[int]]) -> Program:
         """Each entry computes some outputs of the graph."""
@@ -83,6 +86,7 @@ class Assembler:
         chosen = [self._operations(wanted, MOMENT) for wanted in outputs]
         for operations, wanted in zip(chosen, outputs, strict=True):
             self._keep(operations, wanted)
+            self._remember(operations)
         begins = self._operations(self._kept, FLIGHT)
         self._keep(begins, ())
         base = self.count
@@ -154,6 +158,23 @@ class Assembler:
                 continue
             self._new_place(value)
 
+    def _remember(self, operations: list[Operation]) -> None:
+        """Sines and cosines at each evaluation keep their places: an angle may be the one before."""
+        for operation in operations:
+            if operation.name != SINCOS:
+                continue
+            (angle,) = operation.operands
+            if angle not in self._pairs:
+                first, self.count = self.count, self.count + 3
+                self._pairs[angle] = (first, first + 1, first + 2)
+            for value, place in zip(operation.results, self._pairs[angle], strict=False):
+                if value is not None:
+                    self.place[value] = place
+
+    def pair(self, operation: Operation) -> tuple[int, int, int] | None:
+        """Where sine, cosine and the angle before lie, if this is a pair that is remembered."""
+        return self._pairs.get(operation.operands[0]) if operation.name == SINCOS else None
+
     def _shared_list(self) -> tuple[InstructionList, tuple[float, ...]]:
         """Computes the scalars, all of them at places, from the shared inputs and the constants."""
         wanted = list(self.scalars)
@@ -166,6 +187,7 @@ class Assembler:
         constants = [k for k in sorted(read) if self.graph.values[k].operation == CONSTANT]
         own = Assembler.__new__(Assembler)
         own.graph, own.opcodes, own.levels = self.graph, self.opcodes, [MOMENT] * len(self.levels)
+        own._pairs = {}
         own.place = {v: k for k, v in enumerate([*self._shared_inputs, *constants])}
         found = _Allocation(own, len(own.place)).assembled(operations, wanted)
         return found, tuple(self.graph.values[k].payload for k in constants)
@@ -189,7 +211,12 @@ class _Allocation:
             for value in {k for k in operation.operands if last[k] == i}:
                 if value in self._place:
                     self._free.append(self._place[value])
-            first, second = (self._result(k, last) for k in (*operation.results, None)[:2])
+            if (pair := self._assembler.pair(operation)) is not None:
+                code.append((opcode, *pair[:2], operands[0], pair[2], 0))
+                continue
+            first, second = (*self._results(operation, last), NOWHERE)[:2]
+            if operation.name == SINCOS:
+                operands[1] = NOWHERE
             code.append((opcode, first, second, *operands))
         return InstructionList(coded(code), tuple(self._at(value) for value in wanted))
 
@@ -214,17 +241,25 @@ class _Allocation:
         own = self._assembler.place
         return own[value] if value in own else self._place[value]
 
-    def _result(self, value: int | None, last: dict[int, int]) -> int:
-        if value is None:
-            return NOWHERE
+    def _results(self, operation: Operation, last: dict[int, int]) -> list[int]:
+        """Where the results go; of a pair, the one that is not wanted goes to a place that is free."""
+        places = [self._result(value) for value in operation.results]
+        self._free += [
+            place
+            for value, place in zip(operation.results, places, strict=True)
+            if value is None or (value not in last and value in self._place)
+        ]
+        return places
+
+    def _result(self, value: int | None) -> int:
         if value in self._assembler.place:
             return self._assembler.place[value]
         if not self._free:
             self._free.append(self.highest)
             self.highest += 1
-        place = self._place[value] = self._free.pop()
-        if value not in last:  # of a pair, one is not wanted
-            self._free.append(place)
+        place = self._free.pop()
+        if value is not None:
+            self._place[value] = place
         return place
 
 

@@ -119,7 +119,7 @@ def test_an_operation_is_numpys(name: str, points: Array) -> None:
 
 
 def test_sine_and_cosine_share_an_instruction(points: Array) -> None:
-    code = [[core().OPCODES["sincos_v"], 3, 4, 0, 0, 0]]
+    code = [[core().OPCODES["sincos_v"], 3, 4, 0, NOWHERE, 0]]
     angles = np.concatenate([points, np.tile(np.linspace(-7.0, 7.0, 999), (3, 1))], axis=1)
     with np.errstate(all="ignore"):
         expected = np.stack([np.sin(angles[0]), np.cos(angles[0])])

@@ -207,13 +207,12 @@ static double drag_sliding_mode(ampi_guidance *guidance, const double *gain, con
     const double s = rate + gain[LAMBDA] * drag * error;
     const double known = gain[LAMBDA] * drag * rate - authority * above;
     const bool is_acting = (felt.drag > gain[FELT_DRAG]) && (fabs(s + known) < HUGE_VAL);
-    double ahead = memory[SURFACE] + step * (known + memory[DISTURBANCE]); /* the observer */
+    const double ahead = memory[SURFACE] + step * (known + memory[DISTURBANCE]); /* the observer */
     const double d = memory[DISTURBANCE] + forgotten * forgotten / step * (s - ahead);
     double asked, cosine, spare, wanted, change;
 
     memory[DISTURBANCE] = chosen(is_acting, clipped(d, -bound, bound), 0.0);
-    ahead += forgotten * (2.0 - forgotten) * (s - ahead);
-    memory[SURFACE] = chosen(is_acting, ahead, 0.0);
+    memory[SURFACE] = chosen(is_acting, ahead + forgotten * (2.0 - forgotten) * (s - ahead), 0.0);
     asked = gain[REACHING] * s + gain[SWITCHING] * s / (fabs(s) + gain[BOUNDARY]);
     asked = memory[DISTURBANCE] + drag * (gain[LAMBDA] * rate + asked);
     cosine = (vertical + asked / authority) / felt.lift; /* Eq. (4) */

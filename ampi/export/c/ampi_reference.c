@@ -178,7 +178,7 @@ void ampi_reference_at(const ampi_table *table, const double *parameters, ampi_r
     reference->health = AMPI_NOT_BEGUN;
     if (table->is_open != AMPI_OPEN) { return; }
     for (i = 0u; i < table->n.axes; i++) {
-        const double told = (parameters == NULL) ? (double)NAN : parameters[i];
+        const double told = (parameters == NULL) ? AMPI_NAN : parameters[i];
         const double end = number(table, table->points_of[i], table->axis[i].points - 1u);
         inside[i] = placed(table, i, told, &reference->excess[i]);
         inside[i] = clipped(inside[i], number(table, table->points_of[i], 0u), end);
@@ -276,10 +276,18 @@ void ampi_row_at(const ampi_table *table, const ampi_reference *reference, doubl
         basis[i - 1u] *= right;
         right *= factors[i - 1u];
     }
-    for (r = 0u; r < table->n.rows; r++) {
-        const ampi_real *values = &reference->rows[r * table->n.nodes + table->first_node[s]];
-        double sum = 0.0;
-        for (i = 0u; i < k; i++) { sum += basis[i] * (double)values[slot[i]]; }
-        row[r] = sum;
+    for (r = 0u; r < table->n.rows; r += 4u) { /* four sums that do not wait for one another */
+        const ampi_real *values[4];
+        double sum[4] = {0.0, 0.0, 0.0, 0.0};
+        size_t j;
+        for (j = 0u; j < 4u; j++) {
+            const size_t own = smaller(r + j, table->n.rows - 1u);
+            values[j] = &reference->rows[own * table->n.nodes + table->first_node[s]];
+        }
+        for (i = 0u; i < k; i++) {
+            const size_t node = slot[i];
+            for (j = 0u; j < 4u; j++) { sum[j] += basis[i] * (double)values[j][node]; }
+        }
+        for (j = 0u; j < 4u; j++) { row[smaller(r + j, table->n.rows - 1u)] = sum[j]; }
     }
 }

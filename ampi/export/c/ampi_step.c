@@ -4,7 +4,6 @@
 
 #define LONGEST 20.0  /* nominal cycles; after a longer silence the clock is doubted once */
 #define FORGOTTEN 0.1 /* of the shortest and the longest cycle, at each command */
-#define UNTOLD ((double)NAN)
 #define FASTEST 2.0   /* times the rate limit: said to roll faster is told in another unit */
 #define NEAR_INVERTED 2.9670597283903604 /* rad: 10 deg of overshoot are told from the other side */
 
@@ -13,7 +12,7 @@ static void restart(ampi_guidance *guidance, const ampi_table *table)
 {
     guidance->begins = 1u;
     guidance->is_first = 1u;
-    guidance->given = guidance->now = guidance->interval = UNTOLD;
+    guidance->given = guidance->now = guidance->interval = AMPI_NAN;
     guidance->longest = guidance->expected = table->set.cycle;
     guidance->shortest = (table->n.is_cycle_stated != 0u) ? table->set.cycle : AMPI_SHORTEST;
 }
@@ -21,7 +20,7 @@ static void restart(ampi_guidance *guidance, const ampi_table *table)
 /* Nothing has been commanded yet. */
 static void forget(ampi_guidance *guidance)
 {
-    guidance->rate = guidance->bank = UNTOLD;
+    guidance->rate = guidance->bank = AMPI_NAN;
     guidance->angle = 0.0;
     (void)memset(guidance->memory, 0, sizeof guidance->memory);
 }
@@ -55,7 +54,7 @@ void ampi_guidance_begin(ampi_guidance *guidance, const ampi_table *table, const
 {
     size_t i;
     ampi_guidance_reset(guidance, table);
-    for (i = 0u; i < AMPI_MAX_ROWS; i++) { guidance->row[i] = UNTOLD; }
+    for (i = 0u; i < AMPI_MAX_ROWS; i++) { guidance->row[i] = AMPI_NAN; }
     ampi_reference_at(table, parameters, &guidance->reference);
     guidance->is_begun = table->is_open;
     if (table->is_open == AMPI_OPEN) { take_up(guidance, table, parameters); }
@@ -89,7 +88,7 @@ static bool advance(ampi_guidance *guidance, const ampi_table *table, double tim
 
     if (is_first) {
         restart(guidance, table);
-        guidance->interval = (table->n.is_cycle_stated != 0u) ? cycle : UNTOLD;
+        guidance->interval = (table->n.is_cycle_stated != 0u) ? cycle : AMPI_NAN;
     }
     /* of two, lest a silence counts as a cycle; both bounds forget slowly */
     forgot = least(low, shortest + FORGOTTEN * (low - shortest));
@@ -157,8 +156,8 @@ ampi_command ampi_guidance_step(ampi_guidance *guidance, const ampi_table *table
                                 const double navigation[AMPI_N_NAVIGATED], const double *sensed)
 {
     ampi_command command = {0.0, 0.0, 0.0, AMPI_HELD, AMPI_NOT_BEGUN};
-    static const double NOTHING[AMPI_N_NAVIGATED] = {UNTOLD, UNTOLD, UNTOLD, UNTOLD,
-                                                     UNTOLD, UNTOLD, UNTOLD, UNTOLD};
+    static const double NOTHING[AMPI_N_NAVIGATED] = {AMPI_NAN, AMPI_NAN, AMPI_NAN, AMPI_NAN,
+                                                     AMPI_NAN, AMPI_NAN, AMPI_NAN, AMPI_NAN};
     const double *told = (navigation != NULL) ? navigation : NOTHING;
     const double *felt = (sensed != NULL) ? sensed : NOTHING;
     double state[AMPI_N_STATES], bank, rate, own, wanted, angle, last;
