@@ -9,7 +9,7 @@ export OPENBLAS_NUM_THREADS = 1
 # first (tests/conftest.py). A test that hangs fails after so many seconds, and is named.
 TWO = -n 2 --dist loadfile --no-loadscope-reorder --timeout 300
 
-.PHONY: demo test quick lint types contracts check benchmark benchmark-factory benchmark-worlds benchmark-solver wheel lock clean
+.PHONY: demo test quick lint types contracts check flight-code benchmark benchmark-factory benchmark-worlds benchmark-solver wheel lock clean
 
 demo: $(VENV)/.demo
 	mkdir -p demo
@@ -34,6 +34,9 @@ contracts: $(VENV)/.test
 	$(BIN)/lint-imports
 
 check: lint types contracts test
+
+flight-code: $(VENV)/.test
+	PYTHON=$(BIN)/python .ci/flight_code
 
 benchmark: $(VENV)/.test
 	$(BIN)/python scripts/benchmark.py --readme README.md

@@ -1,6 +1,6 @@
 """Statements and branches that a run has reached: `python -m tests.flight_code.coverage GCOV.json.gz…`.
 
-Prints the figures as JSON; 1, and what was not reached, if it is not all.
+A line for people, with what was not reached, a line of JSON; 1 if it is not all.
 """
 
 from __future__ import annotations
@@ -27,18 +27,13 @@ def main(*paths: str) -> int:
                 for i, branch in enumerate(line["branches"]):
                     branches[f"{at}, way {i}"] += branch["count"]
     missed = [at for counts in (lines, branches) for at, n in counts.items() if n == 0]
-    reached = [sum(n > 0 for n in counts.values()) for counts in (lines, branches)]
-    print(
-        json.dumps(
-            {
-                "statement_lines": len(lines),
-                "statements_reached": reached[0] / len(lines),
-                "branches": len(branches),
-                "branches_reached": reached[1] / len(branches),
-                "missed": missed,
-            }
-        )
-    )
+    of = {"statements": lines, "branches": branches}
+    shares = {
+        what: sum(n > 0 for n in counts.values()) / len(counts) for what, counts in of.items()
+    }
+    each = (f"{share:.2%} of {len(of[what])} {what}" for what, share in shares.items())
+    print(f"reached {' and '.join(each)} of the core", *missed)
+    print(json.dumps({"checked": True, **shares, "missed": missed}))
     return int(bool(missed))
 
 

@@ -43,9 +43,9 @@ def guidance_of(name: str) -> Guidance:
     orders = None if names is None else tuple(Order(each) for each in names)
     table = entry_table(LAWS[law], (4, 3, 1) if name == "shuttle" else (4, 3, 2))
     if name in ("curved", "sliding"):
-        if name == "sliding":  # from where the angle of attack changes drag to where it does not
+        if name == "sliding":  # beyond it the angle of attack does not change the drag
             values = table.values.copy()
-            values[..., table.layout.index("drag_slope"), :] -= 1.15
+            values[2:, ..., table.layout.index("drag_slope"), :] -= 3.0
             table = replace(table, values=values)
         solved = np.random.default_rng(3).random(table.final_time.shape) < 0.8
         return Guidance(
@@ -87,7 +87,17 @@ def damages(guidance: Guidance, blob: bytes) -> Iterator[tuple[int, bytes, int, 
     sizes = range(HEADER, HEADER + SIZES, 4)
     for i in (2, 3, 4, 5, 6, 7):
         yield sizes[i], word.pack(5000), 1, TOO_LARGE
-    for i, value in ((0, 3), (1, 3), (2, 0), (3, 14), (4, 3), (5, 1), (5, 20), (14, 1 << 30), (14, 0)):
+    for i, value in (
+        (0, 3),
+        (1, 3),
+        (2, 0),
+        (3, 14),
+        (4, 3),
+        (5, 1),
+        (5, 20),
+        (14, 1 << 30),
+        (14, 0),
+    ):
         yield sizes[i], word.pack(value), 1, INCONSISTENT
     (text,) = word.unpack_from(blob, sizes[14])
     axes = HEADER + SIZES + -(-text // 8) * 8
@@ -108,7 +118,12 @@ def damages(guidance: Guidance, blob: bytes) -> Iterator[tuple[int, bytes, int, 
     end = len(blob) - (0 if table.solved is None else -(-table.final_time.size // 8) * 8)
     kind = word.unpack_from(blob, HEADER)[0]
     if kind < 2:
-        yield end - 8, real.pack(np.nan) if kind == 0 else struct.pack("<ff", np.nan, np.nan), 1, INCONSISTENT
+        yield (
+            end - 8,
+            real.pack(np.nan) if kind == 0 else struct.pack("<ff", np.nan, np.nan),
+            1,
+            INCONSISTENT,
+        )
 
 
 def narrower(guidance: Guidance, blob: bytes) -> bytes:
