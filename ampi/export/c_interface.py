@@ -146,8 +146,8 @@ def _work(sizes: CodeSizes, vertices: int) -> str:
 {_table(("of", "multiplications and additions", ""), rows)}
 No loop depends on data: its bound is one of {sizes.axes} axes, {sizes.rows} rows, {sizes.nodes} nodes,
 {sizes.segments} segments of {sizes.widest} nodes at the most, {sizes.points} high-density points, or a
-length of the table. The instructions of a step differ by less than a hundredth, whatever it is told; those
-that the drag laws spend in exp, log, sin, cos and acos are the mathematical library's.
+length of the table. The instructions of a step differ by less than a hundredth, whatever it is told;
+those that the drag laws spend in exp, log, sin, cos and acos are the mathematical library's.
 """
 
 

@@ -35,7 +35,9 @@ def main() -> int:
                 same = (told.cell[:d], told.clipped[:d], told.excess[:d], told.hole, told.health) == (
                     ours.cell, ours.clipped, ours.excess, ours.hole, ours.health
                 )  # fmt: skip
-                same &= np.array_equal(told.nodal, ours.nodal) and told.final_time == ours.final_time
+                same &= (
+                    np.array_equal(told.nodal, ours.nodal) and told.final_time == ours.final_time
+                )
                 differing += not (same and np.array_equal(told.times, ours.times))
                 sizes = np.abs(ours.rows).max(axis=1, keepdims=True)
                 worst = max(worst, float((np.abs(told.rows - ours.rows) / sizes).max()))

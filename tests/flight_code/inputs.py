@@ -85,7 +85,17 @@ def damages(guidance: Guidance, blob: bytes) -> Iterator[tuple[int, bytes, int, 
     sizes = range(HEADER, HEADER + SIZES, 4)
     for i in (2, 3, 4, 5, 6, 7):
         yield sizes[i], word.pack(5000), 1, TOO_LARGE
-    for i, value in ((0, 3), (1, 3), (2, 0), (3, 14), (4, 3), (5, 1), (5, 20), (14, 1 << 30), (14, 0)):
+    for i, value in (
+        (0, 3),
+        (1, 3),
+        (2, 0),
+        (3, 14),
+        (4, 3),
+        (5, 1),
+        (5, 20),
+        (14, 1 << 30),
+        (14, 0),
+    ):
         yield sizes[i], word.pack(value), 1, INCONSISTENT
     (text,) = word.unpack_from(blob, sizes[14])
     axes = HEADER + SIZES + -(-text // 8) * 8
@@ -106,7 +116,12 @@ def damages(guidance: Guidance, blob: bytes) -> Iterator[tuple[int, bytes, int, 
     end = len(blob) - (0 if table.solved is None else -(-table.final_time.size // 8) * 8)
     kind = word.unpack_from(blob, HEADER)[0]
     if kind < 2:
-        yield end - 8, real.pack(np.nan) if kind == 0 else struct.pack("<ff", np.nan, np.nan), 1, INCONSISTENT
+        yield (
+            end - 8,
+            real.pack(np.nan) if kind == 0 else struct.pack("<ff", np.nan, np.nan),
+            1,
+            INCONSISTENT,
+        )
 
 
 def write(folder: Path) -> None:

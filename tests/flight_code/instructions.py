@@ -1,4 +1,4 @@
-"""Instruction counts: `python -m tests.flight_code.instructions PROGRAM BLOB…`, PROGRAM of instructions.c.
+"""Instruction counts: `python -m tests.flight_code.instructions PROGRAM BLOB…`.
 
 Callgrind counts each call of `measured` by itself. Those of the core may differ by 1 % over all inputs;
 those of the mathematical library (exp, sin, acos, …) are the library's and are told beside.
@@ -43,7 +43,7 @@ def _of_objects(dump: str, program: str) -> tuple[int, int]:
 
 
 def main(program: str, *blobs: str) -> int:
-    """Prints all as JSON; 1 if something varies more than it may. `--line FILE`: as a line for people."""
+    """Prints all as JSON; 1 if something varies too much. `--line FILE`: as a line for people."""
     if program == "--line":
         told = json.loads(Path(blobs[0]).read_text())
         each = (f"{what} {v['greatest']:,} (max/min {v['ratio']:.4f})" for what, v in told.items())
