@@ -64,7 +64,7 @@ def descent(law: TrackingLaw, share: Array, p: Array) -> Array:
             -8.0 + 11.0 * share + 0.1 * p[2],
             0.5 + 0.1 * share,
             7000.0 + 0.0 * share,
-            2.0 - share,
+            1.0 - 0.95 * share,
             5e5 * (1.0 - share),
         ]
     return np.stack(np.broadcast_arrays(*rows))

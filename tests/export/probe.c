@@ -31,13 +31,14 @@ void probe_row(const ampi_guidance *guidance, double *row, size_t n)
     (void)memcpy(row, guidance->row, n * sizeof *row);
 }
 
-/* Flies a recorded flight: navigation [n][8], sensed [n][3] or NULL. */
+/* Flies a recorded flight: navigation [n][8], sensed [n][3], or NULL. */
 void probe_fly(ampi_guidance *guidance, const ampi_table *table, size_t n, const double *times,
                const double *navigation, const double *sensed, ampi_command *commands)
 {
     size_t i;
     for (i = 0u; i < n; i++) {
         const double *felt = (sensed == NULL) ? NULL : &sensed[3u * i];
-        commands[i] = ampi_guidance_step(guidance, table, times[i], &navigation[8u * i], felt);
+        const double *told = (navigation == NULL) ? NULL : &navigation[8u * i];
+        commands[i] = ampi_guidance_step(guidance, table, times[i], told, felt);
     }
 }

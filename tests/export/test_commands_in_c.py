@@ -25,7 +25,9 @@ def test_every_command_is_that_of_the_numpy_guidance(
     flight = FlightCode(code, blob_of(guidance))
     rng = np.random.default_rng(17)
     told = set()
-    for i, p in enumerate(some_parameters(guidance, rng, 20)):
+    parameters = some_parameters(guidance, rng, 20)
+    parameters[1:5, 2] = [1e300, -1.0, np.nan, 50.0]  # what is said to be the limit
+    for i, p in enumerate(parameters):
         guidance.begin(p)
         flight.begin(p)
         times, navigation, sensed = recorded(guidance, p, rng, 120)
@@ -72,13 +74,28 @@ def test_the_row_of_the_look_up_is_told(code: ctypes.CDLL, entry: LawMaker) -> N
         assert flight.row(7).tolist() == guidance.tracked_states[:, 0].tolist()
 
 
+def test_a_reference_of_another_table_is_not_taken_up(code: ctypes.CDLL, entry: LawMaker) -> None:
+    guidance = entry()
+    flight, other = FlightCode(code, blob_of(guidance)), FlightCode(code, blob_of(entry(cycle=0.1)))
+    p = np.array([axis[1] for axis in guidance.table.axes])
+    flight.begin(p)
+    flight.follow(p + 0.1, other)  # of the other one
+    FlightCode(code, blob_of(guidance)).follow(p)  # a flight that was not begun
+    guidance.begin(p)
+    navigation = np.array([*guidance.reference(p).rows[:8, 0]])
+    assert (
+        flight.fly([0.0], navigation[None])["numbers"][0, 0]
+        == guidance.step(0.0, navigation).bank_rate
+    )
+
+
 def test_what_is_not_told_is_not_known(code: ctypes.CDLL, entry: LawMaker) -> None:
     """NULL pointers count as no numbers."""
-    guidance = entry()
+    guidance = entry(limit_axes={"angle": 2})
     flight = FlightCode(code, blob_of(guidance))
     guidance.begin(np.full(3, np.nan))
     flight.begin(None)
-    told = flight.fly([0.0], np.full((1, 8), np.nan))[0]
+    told = flight.fly([0.0], None)[0]
     expected = guidance.step(0.0, np.full(8, np.nan))
     assert (told["health"], told["steering"]) == (expected.health, expected.steering)
     assert told["numbers"].tolist() == [expected.bank_rate, expected.bank_angle, 0.0]

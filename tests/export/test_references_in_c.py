@@ -10,6 +10,7 @@ import pytest
 
 from ampi.export.blob import ORDERS, table_blob
 from ampi.guidance import Guidance
+from ampi.onboard.health import Health
 from ampi.onboard.reference import Mode
 from ampi.onboard.subspace import Order
 from tests.export.conftest import LAWS, LIMITS, LawMaker, entry_table
@@ -104,3 +105,11 @@ def test_an_order_that_flight_code_has_not_is_refused(entry: LawMaker) -> None:
     guidance = entry()
     with pytest.raises(ValueError, match=r"orders: expected 3 of those .* got hermite, hermite"):
         table_blob(guidance.table, guidance.law, guidance.limits, orders=[Order.HERMITE] * 3)
+
+
+def test_nothing_is_written_of_a_table_that_is_closed(code: ctypes.CDLL, entry: LawMaker) -> None:
+    guidance = entry()
+    flight = FlightCode(code, blob_of(guidance)[:-1])
+    told = flight.reference([0.0] * 3, shape_of(guidance))
+    assert told.health == Health.NOT_BEGUN
+    assert np.isnan(told.rows).all()

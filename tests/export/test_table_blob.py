@@ -65,6 +65,8 @@ def test_every_truncation_is_told(code: ctypes.CDLL, blob: bytes) -> None:
     for size in [*range(200), *range(200, len(blob), 997), len(blob) - 1]:
         assert FlightCode(code, blob[:size]).status == TRUNCATED
     assert FlightCode(code, blob + bytes(8)).status == TRUNCATED
+    for size in [*range(HEADER + SIZES, HEADER + 2000, 8), *range(2000, len(blob), 4096)]:
+        assert FlightCode(code, resealed(blob[:size])).status == INCONSISTENT
 
 
 def test_every_damaged_byte_of_the_header_is_told(code: ctypes.CDLL, blob: bytes) -> None:
@@ -106,6 +108,8 @@ def test_what_no_writer_makes_is_told_though_its_checksum_is_right(
             assert flight.status in (OK, TOO_LARGE, INCONSISTENT)
             flight.begin(parameters)  # whatever it is, it can be flown
             flight.fly(np.arange(3.0), rng.standard_normal((3, 8)))
+    drag = blob_of(entry("drag_shuttle"))
+    assert FlightCode(code, resealed(with_word(drag, HEADER + 4, 3))).status == INCONSISTENT
     for place in (
         HEADER + 8,
         HEADER + 12,
@@ -126,6 +130,12 @@ def test_numbers_that_are_none_are_told(code: ctypes.CDLL, entry: LawMaker, kind
         damaged = blob[:place] + struct.pack("<d", np.inf) + blob[place + 8 :]
         assert FlightCode(code, resealed(damaged)).status == INCONSISTENT
     assert FlightCode(code, resealed(blob[:-16] + not_a_number + blob[-8:])).status == INCONSISTENT
+    edges = begin - 120 - 144 + 16  # least, greatest, nominal of the first axis
+    wrong = [(begin + 8 * i, 0.0) for i in range(4)]  # limits and cycle
+    wrong += [(edges, 1e9), (edges + 8, -1e9), (edges + 8, np.inf), (edges + 16, 1e9)]
+    for place, number in wrong:
+        damaged = blob[:place] + struct.pack("<d", number) + blob[place + 8 :]
+        assert FlightCode(code, resealed(damaged)).status == INCONSISTENT
 
 
 def test_axes_that_do_not_increase_are_told(code: ctypes.CDLL, entry: LawMaker) -> None:

@@ -15,6 +15,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from ampi.export.blob import _segments_of_points
 from ampi.guidance import Guidance
 from ampi.onboard.subspace import Order
 from tests.export.conftest import LAWS, LIMITS, entry_table
@@ -75,12 +76,13 @@ def flights(guidance: Guidance, rng: np.random.Generator) -> Iterator[Array]:
 
 
 def damages(guidance: Guidance, blob: bytes) -> Iterator[tuple[int, bytes, int, int]]:
-    """(place, bytes, whether the checksum is then made right, status)."""
+    """(place, bytes, whether the checksum is then made right, status); from the begin all of it."""
     word, real, table = struct.Struct("<I"), struct.Struct("<d"), guidance.table
-    yield 0, b"PNG", 1, FOREIGN
+    yield 1, b"PNG", 1, FOREIGN
     for place, status in ((8, BYTE_ORDER), (12, VERSION), (16, TRUNCATED)):
         yield place, word.pack(77), 1, status
     yield 24, word.pack(1), 1, VERSION
+    yield 0, narrower(guidance, blob), 1, INCONSISTENT
     yield HEADER + 3, b"\x01", 0, CHECKSUM
     sizes = range(HEADER, HEADER + SIZES, 4)
     for i in (2, 3, 4, 5, 6, 7):
@@ -122,6 +124,24 @@ def damages(guidance: Guidance, blob: bytes) -> Iterator[tuple[int, bytes, int, 
             1,
             INCONSISTENT,
         )
+
+
+def narrower(guidance: Guidance, blob: bytes) -> bytes:
+    """The same blob, consistent in all but this: its widest segment is said to have a node less."""
+    table, nodes = guidance.table, guidance.table.segments.counts
+    points = np.bincount(_segments_of_points(table), minlength=len(nodes))
+    place = blob.index(table.segments.nodes[0].astype("<f8").tobytes())
+    parts = [blob[:place]]
+    for m, k in zip(points, nodes, strict=True):
+        for _ in range(2):  # nodes, weights
+            parts.append(blob[place : place + 8 * (nodes.max() - 1)])
+            place += 8 * nodes.max()
+        parts.append(blob[place : place + 8 * k * m])
+        place += 8 * k * m
+    whole = bytearray(b"".join([*parts, blob[place:]]))
+    struct.pack_into("<I", whole, 16, len(whole) - HEADER)
+    struct.pack_into("<I", whole, HEADER + 4 * 7, nodes.max() - 1)
+    return bytes(whole)
 
 
 def write(folder: Path) -> None:

@@ -128,19 +128,24 @@ class FlightCode:
         """Begin a flight."""
         self.code.ampi_guidance_begin(self.guidance, self.table, _pointer(parameters))
 
-    def follow(self, parameters: ArrayLike) -> None:
-        """Fly the reference of other parameters."""
+    def follow(self, parameters: ArrayLike, of: FlightCode | None = None) -> None:
+        """Fly the reference of other parameters; `of` another table."""
         p = np.asarray(parameters, dtype=float)
-        self.code.ampi_reference_at(self.table, p.ctypes.data, self._reference)
+        table = self.table if of is None else of.table
+        self.code.ampi_reference_at(table, p.ctypes.data, self._reference)
         self.code.ampi_guidance_follow(self.guidance, self.table, self._reference, p.ctypes.data)
 
-    def fly(self, times: ArrayLike, navigation: ArrayLike, sensed: ArrayLike | None = None) -> Any:
+    def fly(
+        self, times: ArrayLike, navigation: ArrayLike | None, sensed: ArrayLike | None = None
+    ) -> Any:
         """Commands (n,) of `COMMAND` for times (n,), navigation (n, 8) and sensed (n, 3)."""
-        t, x = (np.ascontiguousarray(given, dtype=float) for given in (times, navigation))
-        felt = None if sensed is None else np.ascontiguousarray(sensed, dtype=float)
-        commands = np.zeros(len(t), dtype=COMMAND)
-        pointers = (t.ctypes.data, x.ctypes.data, _pointer(felt), commands.ctypes.data)
-        self.code.probe_fly(self.guidance, self.table, len(t), *pointers)
+        t, x, felt = (
+            None if given is None else np.ascontiguousarray(given, dtype=float)
+            for given in (times, navigation, sensed)
+        )
+        commands = np.zeros(np.size(times), dtype=COMMAND)
+        pointers = map(_pointer, (t, x, felt, commands))
+        self.code.probe_fly(self.guidance, self.table, len(commands), *pointers)
         return commands
 
     def row(self, n: int) -> Array:

@@ -27,9 +27,9 @@ static double wrapped(double angle)
 
     rest -= 32.0 * AMPI_TURN * floor(rest / (32.0 * AMPI_TURN));
     for (turns = 16.0 * AMPI_TURN; turns >= AMPI_TURN; turns *= 0.5) {
-        rest -= (rest >= turns) ? turns : 0.0;
+        rest -= chosen(rest >= turns, turns, 0.0);
     }
-    return (((shifted < 0.0) && (rest > 0.0)) ? (AMPI_TURN - rest) : rest) - AMPI_PI;
+    return chosen((shifted < 0.0) && (rest > 0.0), AMPI_TURN - rest, rest) - AMPI_PI;
 }
 
 static double linear_quadratic(const double *at, const double *state)
@@ -84,7 +84,7 @@ static double slope_between(const ampi_table *table, const ampi_guidance *guidan
     return (*way > 0.0) ? (passed / *way) : 0.0;
 }
 
-/* Time at which `along` reaches a value, held at the ends: Eq. (1) of ampi/onboard/flown_references.py. */
+/* Time at which `along` reaches a value, held at the ends: Eq. (1) of onboard/flown_references.py. */
 static double instant_of(const ampi_table *table, const ampi_guidance *guidance, double value)
 {
     const double *along = guidance->along, final_time = guidance->reference.final_time;
@@ -171,7 +171,7 @@ static double steered(const double *gain, const double *at, const double *state,
     const double missing = side * size - state[BANK], far = fabs(missing);
     const double approach = least(gain[TURN_RATE] * far, sqrt(2.0 * gain[BRAKING] * far));
     const double rate = side * own * at[BANK_RATE] + copysign(approach, missing);
-    return (fabs(rate) < HUGE_VAL) ? rate : at[BANK_RATE];
+    return chosen(fabs(rate) < HUGE_VAL, rate, at[BANK_RATE]);
 }
 
 static double drag_shuttle(ampi_guidance *guidance, const double *gain, const double *state,
@@ -229,9 +229,7 @@ double ampi_law_command(ampi_guidance *guidance, const ampi_table *table, const 
                         const double *sensed, double *angle)
 {
     *angle = 0.0;
-    if (table->n.law == AMPI_LINEAR_QUADRATIC) {
-        return linear_quadratic(guidance->row, state);
-    }
+    if (table->n.law == AMPI_LINEAR_QUADRATIC) { return linear_quadratic(guidance->row, state); }
     if (table->n.law == AMPI_DRAG_SHUTTLE) {
         return drag_shuttle(guidance, table->set.gain, state, sensed);
     }

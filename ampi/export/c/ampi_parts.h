@@ -8,6 +8,7 @@
 
 #include "ampi.h"
 
+#define AMPI_NAN ((double)NAN)
 #define AMPI_PI 3.141592653589793
 #define AMPI_TURN 6.283185307179586
 #define AMPI_SANE 1e12       /* no input in SI units is larger; false for NaN */

@@ -45,9 +45,7 @@ static factor base_of(const ampi_table *table, size_t axis, double inside, size_
     factor base = {0u, 0u, {1.0, 0.0, 0.0, 0.0}};
     size_t i, j, cell = 0u;
 
-    for (j = 1u; (j + 1u) < n; j++) {
-        cell += (number(table, place, j) <= inside) ? 1u : 0u;
-    }
+    for (j = 1u; (j + 1u) < n; j++) { cell += (number(table, place, j) <= inside) ? 1u : 0u; }
     *below = cell;
     base.width = smaller((order == AMPI_SECOND_DIFFERENCES) ? 2u : order, n);
     base.first = first_of(cell, base.width, n);
@@ -124,9 +122,7 @@ static void add_product(const ampi_table *table, const factor *factors, ampi_ref
     size_t digit[AMPI_MAX_AXES] = {0u}, vertex[AMPI_MAX_AXES + 1u] = {0u}, window = 1u, from = 0u, i, v;
     double weight[AMPI_MAX_AXES + 1u] = {1.0};
 
-    for (i = 0u; i < d; i++) {
-        window *= factors[i].width;
-    }
+    for (i = 0u; i < d; i++) { window *= factors[i].width; }
     for (v = 0u; v < window; v++) {
         for (i = from; i < d; i++) { /* the axes on which this vertex is another one */
             weight[i + 1u] = weight[i] * factors[i].weight[digit[i]];
@@ -180,11 +176,9 @@ void ampi_reference_at(const ampi_table *table, const double *parameters, ampi_r
     reference->checksum = 0u;
     reference->final_time = 0.0;
     reference->health = AMPI_NOT_BEGUN;
-    if (table->is_open != AMPI_OPEN) {
-        return;
-    }
+    if (table->is_open != AMPI_OPEN) { return; }
     for (i = 0u; i < table->n.axes; i++) {
-        const double told = (parameters == NULL) ? (double)NAN : parameters[i];
+        const double told = (parameters == NULL) ? AMPI_NAN : parameters[i];
         const double end = number(table, table->points_of[i], table->axis[i].points - 1u);
         inside[i] = placed(table, i, told, &reference->excess[i]);
         inside[i] = clipped(inside[i], number(table, table->points_of[i], 0u), end);
@@ -218,9 +212,7 @@ size_t ampi_chunk(const ampi_table *table, const ampi_reference *reference, size
     for (r = 0u; r < count; r++) {
         const ampi_real *value = &reference->rows[r * table->n.nodes + table->first_node[s]];
         ampi_real *sum = &points[r * AMPI_CHUNK];
-        for (j = 0u; j < size; j++) {
-            sum[j] = (ampi_real)0;
-        }
+        for (j = 0u; j < size; j++) { sum[j] = (ampi_real)0; }
         for (i = 0u; (i + 2u) < nodes; i += 3u) { /* three at once: a third of the loads and stores */
             const ampi_real a = value[i], b = value[i + 1u], c = value[i + 2u];
             for (j = 0u; j < size; j++) {
@@ -229,9 +221,7 @@ size_t ampi_chunk(const ampi_table *table, const ampi_reference *reference, size
         }
         for (; i < nodes; i++) {
             const ampi_real a = value[i];
-            for (j = 0u; j < size; j++) {
-                sum[j] += a * matrix[i][j];
-            }
+            for (j = 0u; j < size; j++) { sum[j] += a * matrix[i][j]; }
         }
     }
     return size;
@@ -244,12 +234,8 @@ void ampi_reference_high_density(const ampi_table *table, const ampi_reference *
     const size_t m = table->n.points;
     size_t s, first, size, r, j, done = 0u;
 
-    if ((table->is_open != AMPI_OPEN) || (reference->checksum != table->checksum)) {
-        return;
-    }
-    for (j = 0u; j < m; j++) {
-        times[j] = time_of(table, reference->final_time, j);
-    }
+    if ((table->is_open != AMPI_OPEN) || (reference->checksum != table->checksum)) { return; }
+    for (j = 0u; j < m; j++) { times[j] = time_of(table, reference->final_time, j); }
     for (s = 0u; s < table->n.segments; s++) {
         for (first = 0u; first < table->segment[s].points; first += size) {
             size = ampi_chunk(table, reference, s, first, table->n.rows, points);
@@ -276,9 +262,7 @@ void ampi_row_at(const ampi_table *table, const ampi_reference *reference, doubl
     double half, tau, left = 1.0, right = 1.0;
     size_t slot[AMPI_MAX_DEGREE_NODES], i, r, s = 0u, last;
 
-    for (i = 1u; i < table->n.segments; i++) {
-        s += (start_of(table, i, end) <= t) ? 1u : 0u;
-    }
+    for (i = 1u; i < table->n.segments; i++) { s += (start_of(table, i, end) <= t) ? 1u : 0u; }
     last = table->segment[s].nodes - 1u;
     half = table->segment[s].half_length[0] + table->segment[s].half_length[1] * end;
     tau = (t - start_of(table, s, end)) / half - 1.0;
@@ -302,12 +286,8 @@ void ampi_row_at(const ampi_table *table, const ampi_reference *reference, doubl
         }
         for (i = 0u; i < k; i++) {
             const size_t node = slot[i];
-            for (j = 0u; j < 4u; j++) {
-                sum[j] += basis[i] * (double)values[j][node];
-            }
+            for (j = 0u; j < 4u; j++) { sum[j] += basis[i] * (double)values[j][node]; }
         }
-        for (j = 0u; j < 4u; j++) {
-            row[smaller(r + j, table->n.rows - 1u)] = sum[j];
-        }
+        for (j = 0u; j < 4u; j++) { row[smaller(r + j, table->n.rows - 1u)] = sum[j]; }
     }
 }

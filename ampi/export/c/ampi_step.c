@@ -12,7 +12,7 @@ static void restart(ampi_guidance *guidance, const ampi_table *table)
 {
     guidance->begins = 1u;
     guidance->is_first = 1u;
-    guidance->given = guidance->now = guidance->interval = (double)NAN;
+    guidance->given = guidance->now = guidance->interval = AMPI_NAN;
     guidance->longest = guidance->expected = table->set.cycle;
     guidance->shortest = (table->n.is_cycle_stated != 0u) ? table->set.cycle : AMPI_SHORTEST;
 }
@@ -20,7 +20,7 @@ static void restart(ampi_guidance *guidance, const ampi_table *table)
 /* Nothing has been commanded yet. */
 static void forget(ampi_guidance *guidance)
 {
-    guidance->rate = guidance->bank = (double)NAN;
+    guidance->rate = guidance->bank = AMPI_NAN;
     guidance->angle = 0.0;
     (void)memset(guidance->memory, 0, sizeof guidance->memory);
 }
@@ -54,14 +54,10 @@ void ampi_guidance_begin(ampi_guidance *guidance, const ampi_table *table, const
 {
     size_t i;
     ampi_guidance_reset(guidance, table);
-    for (i = 0u; i < AMPI_MAX_ROWS; i++) {
-        guidance->row[i] = (double)NAN;
-    }
+    for (i = 0u; i < AMPI_MAX_ROWS; i++) { guidance->row[i] = AMPI_NAN; }
     ampi_reference_at(table, parameters, &guidance->reference);
     guidance->is_begun = table->is_open;
-    if (table->is_open == AMPI_OPEN) {
-        take_up(guidance, table, parameters);
-    }
+    if (table->is_open == AMPI_OPEN) { take_up(guidance, table, parameters); }
 }
 
 void ampi_guidance_follow(ampi_guidance *guidance, const ampi_table *table,
@@ -92,7 +88,7 @@ static bool advance(ampi_guidance *guidance, const ampi_table *table, double tim
 
     if (is_first) {
         restart(guidance, table);
-        guidance->interval = (table->n.is_cycle_stated != 0u) ? cycle : (double)NAN;
+        guidance->interval = (table->n.is_cycle_stated != 0u) ? cycle : AMPI_NAN;
     }
     /* of two, lest a silence counts as a cycle; both bounds forget slowly */
     forgot = least(low, shortest + FORGOTTEN * (low - shortest));
@@ -114,9 +110,7 @@ static bool is_plausible(const ampi_table *table, const double *state)
     size_t i, within = 0u;
     for (i = 0u; i < AMPI_N_STATES; i++) {
         double error = state[i] - table->set.middle[i];
-        if ((i == LONGITUDE) || (i == AZIMUTH)) {
-            error = on_turn_of(error, 0.0);
-        }
+        if ((i == LONGITUDE) || (i == AZIMUTH)) { error = on_turn_of(error, 0.0); }
         within += (fabs(error) <= table->set.reach[i]) ? 1u : 0u;
     }
     return within == AMPI_N_STATES;
@@ -162,7 +156,8 @@ ampi_command ampi_guidance_step(ampi_guidance *guidance, const ampi_table *table
                                 const double navigation[AMPI_N_NAVIGATED], const double *sensed)
 {
     ampi_command command = {0.0, 0.0, 0.0, AMPI_HELD, AMPI_NOT_BEGUN};
-    static const double NOTHING[AMPI_N_NAVIGATED] = {NAN, NAN, NAN, NAN, NAN, NAN, NAN, NAN};
+    static const double NOTHING[AMPI_N_NAVIGATED] = {AMPI_NAN, AMPI_NAN, AMPI_NAN, AMPI_NAN,
+                                                     AMPI_NAN, AMPI_NAN, AMPI_NAN, AMPI_NAN};
     const double *told = (navigation != NULL) ? navigation : NOTHING;
     const double *felt = (sensed != NULL) ? sensed : NOTHING;
     double state[AMPI_N_STATES], bank, rate, own, wanted, angle, last;
@@ -174,13 +169,9 @@ ampi_command ampi_guidance_step(ampi_guidance *guidance, const ampi_table *table
         || (guidance->reference.checksum != table->checksum)) {
         return command;
     }
-    for (i = 0u; i < AMPI_N_NAVIGATED; i++) {
-        known += (fabs(told[i]) < AMPI_SANE) ? 1u : 0u;
-    }
+    for (i = 0u; i < AMPI_N_NAVIGATED; i++) { known += (fabs(told[i]) < AMPI_SANE) ? 1u : 0u; }
     is_in_time = advance(guidance, table, time);
-    if (guidance->is_first != 0u) {
-        forget(guidance);
-    }
+    if (guidance->is_first != 0u) { forget(guidance); }
     ampi_row_at(table, &guidance->reference,
                 ampi_instant(guidance, table, told, felt, &is_ended, &is_lost), guidance->row);
     own = guidance->row[BANK_RATE];

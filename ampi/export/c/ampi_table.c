@@ -29,9 +29,7 @@ static size_t taken(reader *from, size_t count, size_t size)
 static void copy(reader *from, const ampi_table *table, void *to, size_t size)
 {
     const size_t place = taken(from, 1u, size);
-    if (!from->is_short) {
-        (void)memcpy(to, &table->blob[place], size);
-    }
+    if (!from->is_short) { (void)memcpy(to, &table->blob[place], size); }
 }
 
 /* CRC-32 of zlib, half a byte at a time: no table to make, and a quarter of the time of bits. */
@@ -53,18 +51,10 @@ static uint32_t crc_32(const unsigned char *bytes, size_t begin, size_t end)
 
 static ampi_status header_status(const header *told, const unsigned char *blob, size_t size)
 {
-    if (memcmp(told->magic, MAGIC, sizeof MAGIC) != 0) {
-        return AMPI_FOREIGN;
-    }
-    if (told->mark != 0x01020304u) {
-        return AMPI_BYTE_ORDER;
-    }
-    if ((told->format != 1u) || ((told->spare[0] | told->spare[1]) != 0u)) {
-        return AMPI_VERSION;
-    }
-    if ((size_t)told->size != (size - sizeof *told)) {
-        return AMPI_TRUNCATED;
-    }
+    if (memcmp(told->magic, MAGIC, sizeof MAGIC) != 0) { return AMPI_FOREIGN; }
+    if (told->mark != 0x01020304u) { return AMPI_BYTE_ORDER; }
+    if ((told->format != 1u) || ((told->spare[0] | told->spare[1]) != 0u)) { return AMPI_VERSION; }
+    if ((size_t)told->size != (size - sizeof *told)) { return AMPI_TRUNCATED; }
     return (crc_32(blob, sizeof *told, size) == told->checksum) ? AMPI_OK : AMPI_CHECKSUM;
 }
 
@@ -149,9 +139,7 @@ static bool are_numbers_good(const ampi_table *table)
         (void)memcpy(&value, &table->blob[table->values + sizeof value * i], sizeof value);
         is_good = is_good && (fabs((double)value) < HUGE_VAL);
     }
-    for (i = 0u; i < 3u; i++) {
-        is_good = is_good && (table->set.limit[i] > 0.0);
-    }
+    for (i = 0u; i < 3u; i++) { is_good = is_good && (table->set.limit[i] > 0.0); }
     for (i = 0u; i < table->n.axes; i++) {
         is_good = is_good && (table->axis[i].low <= table->axis[i].nominal)
                   && (table->axis[i].nominal <= table->axis[i].high)
@@ -178,9 +166,7 @@ ampi_status ampi_table_open(ampi_table *table, const unsigned char *blob, size_t
         status = header_status(&told, blob, size);
         copy(&from, table, &table->n, sizeof table->n);
     }
-    if ((status == AMPI_OK) && is_too_large(table)) {
-        status = AMPI_TOO_LARGE;
-    }
+    if ((status == AMPI_OK) && is_too_large(table)) { status = AMPI_TOO_LARGE; }
     if ((status == AMPI_OK)
         && !(are_counts_good(table, &from) && are_places_good(table, &from)
              && are_numbers_good(table))) {
