@@ -16,9 +16,10 @@ static double steered(const ampi_step *step, size_t row, double passed) {
     return old + (new - old) * (passed / step->h);
 }
 
-/* State `passed` seconds after the begin; the other lanes fly along. */
+/* State `passed` seconds after the begin. */
 static void after(const ampi_step *step, double passed, double state[PLANT_STATES]) {
     const ampi_loop *const loop = step->loop;
+    ampi_plant plant = loop->plant;
     ampi_lanes new[PLANT_STEERING], ahead[PLANT_STATES], h;
     for (size_t i = 0; i < AMPI_LANES; i++) {
         h[i] = passed;
@@ -27,7 +28,8 @@ static void after(const ampi_step *step, double passed, double state[PLANT_STATE
         memcpy(new[row], step->old[row], sizeof(ampi_lanes));
         new[row][step->lane] = steered(step, row, passed);
     }
-    loop->engine->advance(&loop->plant, (const ampi_lanes *)loop->x, step->old, (const ampi_lanes *)new,
+    plant.span = (ampi_span){(int)step->lane, (int)step->lane + 1, 0};
+    loop->engine->advance(&plant, (const ampi_lanes *)loop->x, step->old, (const ampi_lanes *)new,
                           step->now, h, NULL, NULL, ahead);
     for (size_t row = 0; row < PLANT_STATES; row++) {
         state[row] = ahead[row][step->lane];

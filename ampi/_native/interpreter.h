@@ -14,10 +14,10 @@
 #define EACH_LANE for (int i = 0; i < AMPI_LANES; i++)
 #endif
 
-typedef void operation(const ampi_instruction *, double *, const double *);
+typedef void operation(const ampi_instruction *, double *, const double *, ampi_span span);
 
 #define OPERATION(name) \
-    static void run_##name(const ampi_instruction *at, double *places, const double *scalars)
+    static void run_##name(const ampi_instruction *at, double *places, const double *scalars, ampi_span span)
 #define PLACE(k) (places + (size_t)AMPI_LANES * (k))
 #define V(x) x[i]
 #define S(x) x[0]
@@ -29,6 +29,7 @@ typedef void operation(const ampi_instruction *, double *, const double *);
         const double *const a = PLACE(at->a); \
         double *const result = PLACE(at->result); \
         (void)scalars; \
+        (void)span; \
         EACH_LANE { \
             const double x = a[i]; \
             result[i] = (expression); \
@@ -40,6 +41,7 @@ typedef void operation(const ampi_instruction *, double *, const double *);
         const double *const a = A##_AT(at->a), *const b = B##_AT(at->b); \
         double *const result = PLACE(at->result); \
         (void)scalars; \
+        (void)span; \
         EACH_LANE { \
             const double x = A(a), y = B(b); \
             result[i] = (expression); \
@@ -55,6 +57,7 @@ typedef void operation(const ampi_instruction *, double *, const double *);
         const double *const a = A##_AT(at->a), *const b = B##_AT(at->b), *const c = C##_AT(at->c); \
         double *const result = PLACE(at->result); \
         (void)scalars; \
+        (void)span; \
         EACH_LANE { \
             const double x = A(a), y = B(b), z = C(c); \
             result[i] = (expression); \
@@ -63,6 +66,29 @@ typedef void operation(const ampi_instruction *, double *, const double *);
 #define TERNARY(name, expression) \
     TERNARY_OF(name, expression, vvv, V, V, V) TERNARY_OF(name, expression, vvs, V, V, S) \
     TERNARY_OF(name, expression, vsv, V, S, V) TERNARY_OF(name, expression, vss, V, S, S)
+
+/* Of the C library, one by one: only the lanes of the span; the others repeat its first. */
+#define OF_THE_LIBRARY(name, kinds, expression, A, B) \
+    OPERATION(name##_##kinds) { \
+        const double *const a = A##_AT(at->a), *const b = B##_AT(at->b); \
+        double *const result = PLACE(at->result); \
+        (void)scalars; \
+        for (int i = span.begin; i < span.end; i++) { \
+            const double x = A(a), y = B(b); \
+            (void)y; \
+            result[i] = (expression); \
+        } \
+        repeat_first(result, span); \
+    }
+
+static inline void repeat_first(double *values, ampi_span span) {
+    for (int i = 0; i < span.begin; i++) {
+        values[i] = values[span.begin];
+    }
+    for (int i = span.end; i < AMPI_LANES; i++) {
+        values[i] = values[span.begin];
+    }
+}
 
 COMMUTATIVE(add, x + y)
 BINARY(sub, x - y)
@@ -83,20 +109,21 @@ UNARY(abs, fabs(x))
 UNARY(sqrt, sqrt(x))
 UNARY(sign, x > 0.0 ? 1.0 : x < 0.0 ? -1.0 : x)
 UNARY(floor, floor(x))
-UNARY(exp, exp(x))
-/* rare ones: the C library's, lane by lane */
-COMMUTATIVE(pow, lane_pow(x, y))
-BINARY_OF(atan2, atan2(x, y), vv, V, V)
-UNARY(log, log(x))
-UNARY(tan, tan(x))
-UNARY(asin, asin(x))
-UNARY(acos, acos(x))
-UNARY(atan, atan(x))
-UNARY(tanh, tanh(x))
+OF_THE_LIBRARY(exp, v, exp(x), V, V)
+OF_THE_LIBRARY(log, v, log(x), V, V)
+OF_THE_LIBRARY(tan, v, tan(x), V, V)
+OF_THE_LIBRARY(asin, v, asin(x), V, V)
+OF_THE_LIBRARY(acos, v, acos(x), V, V)
+OF_THE_LIBRARY(atan, v, atan(x), V, V)
+OF_THE_LIBRARY(tanh, v, tanh(x), V, V)
+OF_THE_LIBRARY(atan2, vv, atan2(x, y), V, V)
+OF_THE_LIBRARY(pow, vv, lane_pow(x, y), V, V)
+OF_THE_LIBRARY(pow, vs, lane_pow(x, y), V, S)
 
 OPERATION(fill) {
     const double value = scalars[at->a];
     double *const result = PLACE(at->result);
+    (void)span;
     EACH_LANE { result[i] = value; }
 }
 
@@ -105,6 +132,7 @@ OPERATION(fill) {
 OPERATION(horner) {
     const double *const a = PLACE(at->a), *const coefficients = scalars + at->b;
     double *const result = PLACE(at->result);
+    (void)span;
     for (int begin = 0; begin < AMPI_LANES; begin += ABREAST) {
         double x[ABREAST], total[ABREAST];
         for (int i = 0; i < ABREAST; i++) {
@@ -134,11 +162,16 @@ OPERATION(sincos_v) {
             return;
         }
         memcpy(PLACE(at->b), angle, AMPI_LANES * sizeof(double));
+        if (!span.is_whole) {
+            PLACE(at->b)[span.begin] = (double)NAN;
+        }
     }
-    for (int i = 0; i < AMPI_LANES; i++) {
+    for (int i = span.begin; i < span.end; i++) {
         const double own = angle[i]; /* may lie where a result goes */
         lane_sincos(own, &sine[i], &cosine[i]);
     }
+    repeat_first(sine, span);
+    repeat_first(cosine, span);
 }
 
 #define IN_THE_TABLE(name) run_##name,
@@ -156,8 +189,8 @@ static void forget(const ampi_list *list, double *places) {
     }
 }
 
-static void run(const ampi_instruction *begin, size_t count, double *places, const double *scalars) {
-    for (const ampi_instruction *at = begin; at < begin + count; at++) {
-        OPERATIONS[at->opcode](at, places, scalars);
+static void run(const ampi_list *list, double *places, const double *scalars, ampi_span span) {
+    for (const ampi_instruction *at = list->code; at < list->code + list->count; at++) {
+        OPERATIONS[at->opcode](at, places, scalars, span);
     }
 }

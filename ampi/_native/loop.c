@@ -14,7 +14,7 @@ void ampi_loop_begin(ampi_loop *loop) {
     for (size_t k = 0; k < sizeof lists / sizeof lists[0]; k++) {
         loop->engine->forget(lists[k], loop->plant.places);
     }
-    loop->engine->run(&program->begin, loop->plant.places, program->scalars);
+    loop->engine->run(&program->begin, loop->plant.places, program->scalars, loop->plant.span);
     memcpy(loop->x, fixed[AMPI_FIX_entry], sizeof loop->x);
     memcpy(loop->flown[PLANT_RATE], fixed[AMPI_FIX_bank_rate], sizeof(ampi_lanes));
     memset(loop->flown[PLANT_ANGLE], 0, sizeof(ampi_lanes));

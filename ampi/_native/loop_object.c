@@ -156,6 +156,7 @@ static int build(LoopObject *self, PyObject *arguments) {
     self->loop.plant.program = &((ProgramObject *)program)->program;
     self->loop.plant.profiles = &self->loop.profiles;
     self->loop.flights = (size_t)n;
+    self->loop.plant.span = (ampi_span){0, (int)n, 1};
     self->loop.engine = ampi_engine_called(name);
     if (self->loop.engine == NULL || set_guidance(self, guidance, first) != 0 ||
         set_settings(self, settings) != 0 ||

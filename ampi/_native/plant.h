@@ -47,17 +47,23 @@ typedef struct {
     uint16_t inputs[3]; /* which inputs the functions are */
 } ampi_profiles;
 
+/* The lanes that are wanted. All are computed where that costs nothing; others are not to be read. */
+typedef struct {
+    int begin, end, is_whole; /* whole: every lane with a flight; those without repeat the first */
+} ampi_span;
+
 typedef struct {
     const ampi_program *program;
     const ampi_profiles *profiles;
     double *places;
+    ampi_span span; /* those that have a flight, or one of them */
 } ampi_plant;
 
 /* Compiled once for each instruction set; all give the same bits. */
 typedef struct {
     const char *name;
     void (*forget)(const ampi_list *list, double *places); /* before the first run */
-    void (*run)(const ampi_list *list, double *places, const double *scalars);
+    void (*run)(const ampi_list *list, double *places, const double *scalars, ampi_span span);
     /* Specific force (3 rows) at the states. */
     void (*sensed)(const ampi_plant *plant, const ampi_lanes *x, const double *angle, double time,
                    ampi_lanes *felt);

@@ -1,10 +1,6 @@
 /* The plant over all lanes; included once for each instruction set, with ENGINE and ENGINE_NAME. */
 #include "interpreter.h"
 
-static void run_list(const ampi_list *list, double *places, const double *scalars) {
-    run(list->code, list->count, places, scalars);
-}
-
 static double *input(const ampi_plant *plant, size_t k) {
     return plant->places + (size_t)AMPI_LANES * k;
 }
@@ -31,10 +27,11 @@ static void look_up(const ampi_plant *plant) {
     }
     for (size_t f = 0; f < functions; f++) {
         double *const found = input(plant, profiles->inputs[f]);
-        for (int i = 0; i < AMPI_LANES; i++) {
+        for (int i = plant->span.begin; i < plant->span.end; i++) {
             const double *const lower = profiles->values[i] + (size_t)below[i] * functions + f;
             found[i] = lower[0] + share[i] * (lower[functions] - lower[0]);
         }
+        repeat_first(found, plant->span);
     }
 }
 
@@ -45,6 +42,10 @@ static void set_moment(const ampi_plant *plant, const double *rate, const double
     memcpy(input(plant, PLANT_IN_ANGLE), angle, sizeof(ampi_lanes));
     memcpy(input(plant, PLANT_IN_TIME), time, sizeof(ampi_lanes));
     look_up(plant);
+}
+
+static void run_on(const ampi_plant *plant, const ampi_list *list) {
+    run(list, plant->places, plant->program->scalars, plant->span);
 }
 
 static const double *output(const ampi_plant *plant, const ampi_list *list, size_t k) {
@@ -58,7 +59,7 @@ static void sensed(const ampi_plant *plant, const ampi_lanes *x, const double *a
     EACH_LANE { now[i] = time; }
     memcpy(plant->places, x, PLANT_STATES * sizeof(ampi_lanes));
     set_moment(plant, now, angle, now); /* no specific force depends on the bank rate */
-    run_list(list, plant->places, plant->program->scalars);
+    run_on(plant, list);
     for (size_t k = 0; k < 3u; k++) {
         memcpy(felt[k], output(plant, list, k), sizeof(ampi_lanes));
     }
@@ -104,7 +105,6 @@ static void advance(const ampi_plant *plant, const ampi_lanes *x, const ampi_lan
                     ampi_lanes *peak, ampi_lanes *ahead) {
     const ampi_program *const program = plant->program;
     const ampi_list *const first = peak != NULL ? &program->rates_and_use : &program->rates;
-    const double *const scalars = program->scalars;
     ampi_lanes middle[PLANT_STEERING], total[PLANT_STATES];
     double now[AMPI_LANES], half[AMPI_LANES], halfway[AMPI_LANES], end[AMPI_LANES];
     EACH_LANE {
@@ -117,19 +117,19 @@ static void advance(const ampi_plant *plant, const ampi_lanes *x, const ampi_lan
     }
     memcpy(plant->places, x, PLANT_STATES * sizeof(ampi_lanes));
     set_moment(plant, old[PLANT_RATE], old[PLANT_ANGLE], now);
-    run_list(first, plant->places, scalars);
+    run_on(plant, first);
     if (peak != NULL) {
         grow(plant, flying, peak);
     }
     take_stage(plant, first, x, half, 0.0, total);
     set_moment(plant, middle[PLANT_RATE], middle[PLANT_ANGLE], halfway);
-    run_list(&program->rates, plant->places, scalars);
+    run_on(plant, &program->rates);
     take_stage(plant, &program->rates, x, half, 2.0, total);
     set_moment(plant, middle[PLANT_RATE], middle[PLANT_ANGLE], halfway);
-    run_list(&program->rates, plant->places, scalars);
+    run_on(plant, &program->rates);
     take_stage(plant, &program->rates, x, h, 2.0, total);
     set_moment(plant, new[PLANT_RATE], new[PLANT_ANGLE], end);
-    run_list(&program->rates, plant->places, scalars);
+    run_on(plant, &program->rates);
     for (size_t row = 0; row < PLANT_STATES; row++) {
         const double *const k = output(plant, &program->rates, row), *const from = x[row];
         const double *const sum = total[row];
@@ -155,4 +155,4 @@ static void lagged(const ampi_lanes *asked, const ampi_lanes *then, const double
     }
 }
 
-const ampi_engine ENGINE = {ENGINE_NAME, forget, run_list, sensed, advance, lagged};
+const ampi_engine ENGINE = {ENGINE_NAME, forget, run, sensed, advance, lagged};

@@ -155,6 +155,7 @@ PyType_Spec ampi_program_spec = {"ampi._native._core.Program", (int)sizeof(Progr
 
 static void evaluate(const ampi_engine *engine, const ampi_list *list, double *places,
                      const double *scalars, const double *in, size_t inputs, double *out, size_t n) {
+    const ampi_span whole = {0, AMPI_LANES, 1};
     engine->forget(list, places);
     for (size_t first = 0; first < n; first += AMPI_LANES) {
         for (size_t i = 0; i < AMPI_LANES; i++) {
@@ -163,7 +164,7 @@ static void evaluate(const ampi_engine *engine, const ampi_list *list, double *p
                 places[k * AMPI_LANES + i] = in[k * n + own];
             }
         }
-        engine->run(list, places, scalars);
+        engine->run(list, places, scalars, whole);
         for (size_t i = 0; i < AMPI_LANES && first + i < n; i++) {
             for (size_t k = 0; k < list->n_outputs; k++) {
                 out[k * n + first + i] = places[(size_t)list->outputs[k] * AMPI_LANES + i];

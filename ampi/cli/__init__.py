@@ -15,6 +15,7 @@ from ampi.cli import (
     audit,
     build,
     cases,
+    export,
     fly,
     guide,
     missions,
@@ -51,6 +52,7 @@ for command in (  # in the order of --help
     fly.fly,
     sensitivity.sensitivity,
     report.report,
+    export.export,
     papers.reproduce,
 ):
     app.command()(command)

@@ -11,7 +11,7 @@ import typer
 
 from ampi.cli.case import CaseFiles, fly_case
 from ampi.cli.cluster import cluster
-from ampi.cli.console import print_json
+from ampi.cli.console import error_out, print_json
 from ampi.cli.endings import refusals
 from ampi.cli.options import (
     DatabaseArgument,
@@ -110,11 +110,19 @@ def _flown(
     from ampi.simulation.estimates.stopping import StopRule
     from ampi.simulation.monte_carlo import fly_schemes
 
+    _say_if_numpy(options["engine"])
     if stop is not None:
         options["stop"] = StopRule(*stop)
     with progress("flying", n * len(schemes)) as advance:
         options["advance"] = advance
         return fly_schemes(mission, schemes, n, **options)
+
+
+def _say_if_numpy(engine: str) -> None:
+    from ampi._native.engine import WHY_NOT, is_available
+
+    if engine == "auto" and not is_available():
+        error_out.print(f"warning: flown in numpy, some thirty times slower: {WHY_NOT}")
 
 
 def _write(table: Path | None, mission: Mission, campaigns: Mapping[str, Flights]) -> None:

@@ -25,7 +25,9 @@ from ampi.cli.options import (
 from ampi.cli.output_files import check_figure, check_output
 
 if TYPE_CHECKING:
+    from ampi.guidance import Guidance
     from ampi.missions.mission import Mission
+    from ampi.onboard.certificate import Certificate
     from ampi.onboard.reference import Reference
 
 
@@ -69,7 +71,9 @@ def guide(
     with refusals():
         check_output(table, force=force, made_by=HEADER, others=[path, plot])
         check_figure(plot, force=force, made_by="ampi guide", others=[path])
-        mission, reference = _reference(path, _given(options, parameter or []), mode, holes)
+        mission, guidance = _guidance(path, mode, holes)
+        reference = guidance.reference(_measured(mission, _given(options, parameter or [])))
+        certificate = None if guidance.certifier is None else guidance.certificate(reference)
         if table is not None:
             write_nodes(table, reference)
         if plot is not None:
@@ -77,9 +81,10 @@ def guide(
     names = [p.name for p in mission.parameters]
     _warn(names, reference)
     if as_json:
-        print_json(_as_dict(names, reference))
+        print_json({**_as_dict(names, reference), "certificate": _certified(certificate)})
     else:
         _print(names, reference)
+        _print_certificate(certificate)
     if reference.health >= Health.FAR_OUTSIDE:
         raise typer.Exit(1)
 
@@ -94,20 +99,21 @@ def _given(options: Mapping[str, float | None], pairs: Sequence[str]) -> dict[st
     return given
 
 
-def _reference(
-    path: Path, given: Mapping[str, float], mode: str, holes: str
-) -> tuple[Mission, Reference]:
+def _guidance(path: Path, mode: str, holes: str) -> tuple[Mission, Guidance]:
     from ampi.dataset import read_dataset
     from ampi.loading import HOLES, guidance_of
-    from ampi.missions.parameters import measured_values
     from ampi.onboard.reference import Mode
 
     chosen = member(Mode, mode, "--mode")
     dataset = read_dataset(path)
-    mission = dataset.mission
-    measured = measured_values(mission, mission.parameters, given)
     guidance = guidance_of(dataset, mode=chosen, holes=one_of(HOLES, holes, "--holes"))
-    return mission, guidance.reference(measured)
+    return dataset.mission, guidance
+
+
+def _measured(mission: Mission, given: Mapping[str, float]) -> Any:
+    from ampi.missions.parameters import measured_values
+
+    return measured_values(mission, mission.parameters, given)
 
 
 def _draw(mission: Mission, reference: Reference, path: Path) -> None:
@@ -162,3 +168,39 @@ def _print(names: Sequence[str], reference: Reference) -> None:
         out.print(f"outside the hypercube in {', '.join(outside)}: boundary trajectory")
     if reference.hole:
         out.print("in a cell with an unsolved case: the nearest solved one stands for it")
+
+
+def _certified(certificate: Certificate | None) -> dict[str, Any] | None:
+    """What is known of the reference before it is flown; None where the model on board cannot tell."""
+    if certificate is None:
+        return None
+    at_nodes, between = certificate.defect.tolist()
+    return {
+        "verdict": str(certificate.verdict),
+        "sentence": certificate.verdict.sentence,
+        "defect_at_nodes": at_nodes,
+        "defect_between": between,
+        "predicted_miss_m": dict(
+            zip(("east", "north", "up"), certificate.miss.tolist(), strict=True)
+        )
+        if math.isfinite(certificate.horizontal_miss)
+        else None,
+        "margins": dict(zip(certificate.limits, certificate.margins.tolist(), strict=True)),
+    }
+
+
+def _print_certificate(certificate: Certificate | None) -> None:
+    if certificate is None:
+        return
+    least = int(certificate.margins.argmin())
+    miss = certificate.horizontal_miss
+    end = (
+        f"end {miss / 1e3:.2f} km from the target, {certificate.miss[2]:+.0f} m in altitude"
+        if math.isfinite(miss)
+        else "not reach the target speed"
+    )
+    out.print(
+        f"flown without a tracker it would {end}; least margin "
+        f"{100.0 * certificate.margins[least]:.1f} %, {certificate.limits[least].replace('_', ' ')}"
+    )
+    out.print(f"{certificate.verdict}: {certificate.verdict.sentence}")
