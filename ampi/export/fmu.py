@@ -18,6 +18,7 @@ from dataclasses import dataclass
 from importlib import resources
 from pathlib import Path
 
+from ampi.export.c_sizes import CodeSizes
 from ampi.export.fmu_description import FmuModel, Version, document, model_description
 from ampi.outputs import written
 
@@ -70,7 +71,8 @@ def export_fmu(
         raise ValueError(f"version: expected 2 or 3 of FMI, got {version!r}")
     sources = _sources(version)
     token = _token(model, blob, sources)
-    sources["ampi_config.h"], sources["fmu_config.h"] = _sizes(model), _config(model, token)
+    sizes = CodeSizes.of(model.table, len(blob)).config().encode()
+    sources["ampi_config.h"], sources["fmu_config.h"] = sizes, _config(model, token)
     compiled = sorted(name for name in sources if name.endswith(".c"))
     described = model_description(model, version, token=token, sources=compiled)
     binary, why = _binary(sources, compiled, compiler)
@@ -104,22 +106,6 @@ def _token(model: FmuModel, blob: bytes, sources: dict[str, bytes]) -> str:
     for part in (model.start.tobytes(), blob, *sources.values()):
         digest.update(hashlib.sha256(part).digest())
     return f"{{{digest.hexdigest()[:32]}}}"
-
-
-def _sizes(model: FmuModel) -> bytes:
-    """ampi_config.h: those of the table."""
-    n, m = model.table.conversion.shape
-    segments = model.table.segments
-    sizes = {
-        "AXES": len(model.table.axes),
-        "ROWS": len(model.table.layout),
-        "NODES": n,
-        "SEGMENTS": len(segments),
-        "DEGREE_NODES": segments.nodes.shape[1],
-        "POINTS": 1 << (m - 1).bit_length(),  # the search of ampi_laws.c halves a power of two
-    }
-    lines = (f"#define AMPI_MAX_{name} {size}u\n" for name, size in sizes.items())
-    return f"#ifndef AMPI_CONFIG_H\n#define AMPI_CONFIG_H\n{''.join(lines)}#endif\n".encode()
 
 
 def _config(model: FmuModel, token: str) -> bytes:

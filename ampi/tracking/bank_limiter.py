@@ -82,7 +82,7 @@ def _stopping_rate(room: Any, acceleration: Any, cycle: float) -> Any:
     need a c² (k (k + 1)/2 + f (k + 1)) of room. With continuous braking (r²/2a) in its place the bank
     angle would overshoot between cycles and chatter at the limit.
     """
-    cycles = np.maximum(room, 0.0) / (acceleration * cycle**2)
+    cycles = np.maximum(room, 0.0) / (acceleration * (cycle * cycle))
     k = np.floor(0.5 * (np.sqrt(1.0 + 8.0 * cycles) - 1.0))
     stopping = acceleration * cycle * (k + (cycles - 0.5 * k * (k + 1.0)) / (k + 1.0))
     return stopping + 2.0 * np.minimum(room, 0.0) / cycle  # one of the two is 0
