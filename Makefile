@@ -9,7 +9,7 @@ export OPENBLAS_NUM_THREADS = 1
 # first (tests/conftest.py). A test that hangs fails after so many seconds, and is named.
 TWO = -n 2 --dist loadfile --no-loadscope-reorder --timeout 300
 
-.PHONY: demo test quick lint types contracts check flight-code benchmark benchmark-factory benchmark-worlds benchmark-solver wheel lock clean
+.PHONY: demo test quick lint types contracts check benchmark benchmark-factory benchmark-worlds benchmark-flight-code benchmark-orders benchmark-solver flight-code wheel lock clean
 
 demo: $(VENV)/.demo
 	mkdir -p demo
@@ -35,9 +35,6 @@ contracts: $(VENV)/.test
 
 check: lint types contracts test
 
-flight-code: $(VENV)/.test
-	PYTHON=$(BIN)/python .ci/flight_code
-
 benchmark: $(VENV)/.test
 	$(BIN)/python scripts/benchmark.py --readme README.md
 
@@ -46,6 +43,15 @@ benchmark-factory: $(VENV)/.test
 
 benchmark-worlds: $(VENV)/.test
 	$(BIN)/python scripts/benchmark_worlds.py demo --readme README.md
+
+benchmark-flight-code: $(VENV)/.test
+	$(BIN)/python scripts/benchmark_flight_code.py demo --readme README.md
+
+benchmark-orders: $(VENV)/.test
+	$(BIN)/python scripts/compare_orders.py --figure docs/orders.png --readme README.md
+
+flight-code: $(VENV)/.test
+	.ci/flight_code
 
 benchmark-solver: $(VENV)/.test
 	$(BIN)/python scripts/benchmark_solver.py
@@ -63,11 +69,14 @@ lock:
 $(VENV)/bin/python:
 	$(PYTHON) -m venv $(VENV)
 
-$(VENV)/.demo: $(VENV)/bin/python pyproject.toml constraints.txt
+# Installing compiles the engine: again when its sources have changed.
+SOURCES = $(wildcard ampi/_native/*.[ch] ampi/export/c/*.[ch])
+
+$(VENV)/.demo: $(VENV)/bin/python pyproject.toml constraints.txt $(SOURCES)
 	$(BIN)/pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[report]'
 	touch $@
 
-$(VENV)/.test: $(VENV)/bin/python pyproject.toml constraints.txt
+$(VENV)/.test: $(VENV)/bin/python pyproject.toml constraints.txt $(SOURCES)
 	$(BIN)/pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[test,lint]'
 	touch $@
 
