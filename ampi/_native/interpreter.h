@@ -17,7 +17,8 @@
 typedef void operation(const ampi_instruction *, double *, const double *, ampi_span span);
 
 #define OPERATION(name) \
-    static void run_##name(const ampi_instruction *at, double *places, const double *scalars, ampi_span span)
+    static void run_##name(const ampi_instruction *at, double *places, const double *scalars, \
+                           ampi_span span)
 #define PLACE(k) (places + (size_t)AMPI_LANES * (k))
 #define V(x) x[i]
 #define S(x) x[0]

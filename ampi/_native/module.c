@@ -71,7 +71,8 @@ PyMODINIT_FUNC PyInit__core(void) {
     ampi_table_type = add_type(module, &ampi_table_spec, "Table");
     ampi_guidance_type = add_type(module, &ampi_guidance_spec, "Guidance");
     PyTypeObject *const loop = add_type(module, &ampi_loop_spec, "Loop");
-    if (ampi_program_type == NULL || ampi_table_type == NULL || ampi_guidance_type == NULL || loop == NULL ||
+    if (ampi_program_type == NULL || ampi_table_type == NULL || ampi_guidance_type == NULL ||
+        loop == NULL ||
         add_rows(module, "SETTINGS", SETTINGS) != 0 || add_rows(module, "FIXED", FIXED_ROWS) != 0 ||
         add_rows(module, "RESULTS", RESULT_ROWS) != 0 || add_opcodes(module) != 0 ||
         PyModule_AddObject(module, "MOST", Py_BuildValue("(kkkkkk)", (unsigned long)AMPI_MAX_AXES,

@@ -102,6 +102,7 @@ def heading(mode: str) -> Heading:
         "profiles": "density wind",
         "seed": 7,
         "cycle": 0.1,
+        "engine": "numpy",
         **{name: f"{name} {mode}" for name in words},
         **dict.fromkeys(numbers, 1e3),
     }
