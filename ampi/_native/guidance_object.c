@@ -124,11 +124,7 @@ static PyObject *follow(PyObject *object, PyObject *const *arguments, Py_ssize_t
         const double *const parameters = (const double *)views[0].buf + i * axes;
         const double *const nodal = (const double *)views[1].buf + i * nodes * rows;
         const double *const told = (const double *)views[2].buf + i * 2u;
-        for (size_t node = 0; node < nodes; node++) {
-            for (size_t row = 0; row < rows; row++) {
-                own->rows[row * nodes + node] = nodal[node * rows + row];
-            }
-        }
+        memcpy(own->rows, nodal, nodes * rows * sizeof(double));
         own->final_time = told[0];
         own->health = (int32_t)told[1];
         own->checksum = table->checksum;
@@ -257,18 +253,14 @@ static PyObject *flown(PyObject *object, PyObject *const *arguments, Py_ssize_t 
         out[n] = clipped != 0u ? 1.0 : 0.0;
         out[2u * n] = own->hole != 0u ? 1.0 : 0.0;
         out[3u * n] = (double)own->health;
-        for (size_t row = 0; row < rows; row++) {
-            for (size_t node = 0; node < nodes; node++) {
-                values[node * rows + row] = own->rows[row * nodes + node];
-            }
-        }
+        memcpy(values, own->rows, nodes * rows * sizeof(double));
     }
     PyBuffer_Release(&nodal);
     PyBuffer_Release(&told);
     Py_RETURN_NONE;
 }
 
-/* reference(parameters (d), low (r n + 1), times (m), rows (r, m)): one, with its nodes and t_f */
+/* reference(parameters (d), low (n r + 1), times (m), rows (r, m)): one, with its nodes and t_f */
 static PyObject *reference(PyObject *object, PyObject *arguments) {
     GuidanceObject *const self = (GuidanceObject *)object;
     const ampi_table *const table = self->table;

@@ -16,7 +16,7 @@
                  part of the LD→HD matrix, [nodes][points]
       instants   a, then b, of the m high-density points
       map        of int16: offset, then scale of each column; value = offset + scale × stored
-      values     (n_1 … n_d) in C order × columns: r × n nodal values, then the final time
+      values     (n_1 … n_d) in C order × columns: n × r nodal values, then the final time
       holes      a byte each vertex, 1 where the value is borrowed; nothing if there are none
 
 All is little-endian. Interpolated sums of int16 are mapped last, for weights sum to one.
@@ -178,9 +178,9 @@ class _Flown:
 
     @property
     def columns(self) -> Array:
-        """(vertices, r n + 1)."""
+        """(vertices, n r + 1): node by node."""
         cut = self.cut
-        nodal = cut.values.reshape(cut.final_time.size, -1)
+        nodal = np.swapaxes(cut.values, -1, -2).reshape(cut.final_time.size, -1)
         return np.concatenate([nodal, cut.final_time.reshape(-1, 1)], axis=1)
 
     def sizes(self, kind: int, text: int) -> tuple[int, ...]:

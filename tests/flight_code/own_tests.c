@@ -71,7 +71,7 @@ static void test_reference(const ampi_table *table, ampi_reference *reference, d
     for (i = 0u; i < d; i++) { same("excess", reference->excess[i]); }
     same("hole", (double)(reference->hole != 0u));
     same("health", (double)reference->health);
-    for (i = 0u; i < (r * n); i++) { nodal[i] = (double)reference->rows[i]; }
+    for (i = 0u; i < (r * n); i++) { nodal[i] = (double)reference->rows[(i % n) * r + i / n]; }
     for (i = 0u; i < r; i++) { near("nodal", &nodal[i * n], n, error); }
     near("final time", &reference->final_time, 1u, error);
     ampi_reference_high_density(table, reference, times, rows);

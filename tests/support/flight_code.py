@@ -113,7 +113,7 @@ class FlightCode:
             self.table, reference, times.ctypes.data, rows.ctypes.data
         )
         return CodeReference(
-            nodal=columns[:-1].reshape(r, n),
+            nodal=columns[:-1].reshape(n, r).T,
             final_time=float(columns[-1]),
             times=times,
             rows=rows,

@@ -90,7 +90,7 @@ typedef struct {
 
 /* What parameters make of a table. */
 typedef struct {
-    ampi_real rows[AMPI_MAX_ROWS * AMPI_MAX_NODES + 1u]; /* rows x nodes, row-major; then t_f */
+    ampi_real rows[AMPI_MAX_ROWS * AMPI_MAX_NODES + 1u]; /* [nodes][rows]; then t_f */
     double final_time;                                   /* s */
     double excess[AMPI_MAX_AXES];     /* how far outside, in shares of the axis' range; 0 inside */
     uint32_t cell[AMPI_MAX_AXES];     /* first point of each axis that is used */

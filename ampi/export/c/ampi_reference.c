@@ -199,7 +199,7 @@ void ampi_reference_at(const ampi_table *table, const double *parameters, ampi_r
 size_t ampi_chunk(const ampi_table *table, const ampi_reference *reference, size_t s, size_t first,
                   size_t count, ampi_real *points)
 {
-    const size_t nodes = table->segment[s].nodes, m = table->segment[s].points;
+    const size_t nodes = table->segment[s].nodes, m = table->segment[s].points, rows = table->n.rows;
     const size_t size = smaller(AMPI_CHUNK, m - first);
     ampi_real matrix[AMPI_MAX_DEGREE_NODES][AMPI_CHUNK];
     size_t i, j, r;
@@ -210,17 +210,17 @@ size_t ampi_chunk(const ampi_table *table, const ampi_reference *reference, size
         }
     }
     for (r = 0u; r < count; r++) {
-        const ampi_real *value = &reference->rows[r * table->n.nodes + table->first_node[s]];
+        const ampi_real *value = &reference->rows[table->first_node[s] * rows + r];
         ampi_real *sum = &points[r * AMPI_CHUNK];
         for (j = 0u; j < size; j++) { sum[j] = (ampi_real)0; }
         for (i = 0u; (i + 2u) < nodes; i += 3u) { /* three at once: a third of the loads and stores */
-            const ampi_real a = value[i], b = value[i + 1u], c = value[i + 2u];
+            const ampi_real a = value[i * rows], b = value[(i + 1u) * rows], c = value[(i + 2u) * rows];
             for (j = 0u; j < size; j++) {
                 sum[j] = ((sum[j] + a * matrix[i][j]) + b * matrix[i + 1u][j]) + c * matrix[i + 2u][j];
             }
         }
         for (; i < nodes; i++) {
-            const ampi_real a = value[i];
+            const ampi_real a = value[i * rows];
             for (j = 0u; j < size; j++) { sum[j] += a * matrix[i][j]; }
         }
     }
@@ -257,17 +257,18 @@ static double start_of(const ampi_table *table, size_t s, double final_time)
 void ampi_row_at(const ampi_table *table, const ampi_reference *reference, double time, double *row)
 {
     const size_t k = table->n.widest; /* slots beyond a segment's nodes: factor 1, weight 0 */
+    const size_t rows = table->n.rows;
     const double end = reference->final_time, t = clipped(time, start_of(table, 0u, end), end);
     double factors[AMPI_MAX_DEGREE_NODES], basis[AMPI_MAX_DEGREE_NODES];
     double half, tau, left = 1.0, right = 1.0;
-    size_t slot[AMPI_MAX_DEGREE_NODES], i, r, s = 0u, last;
+    size_t place[AMPI_MAX_DEGREE_NODES], i, r, s = 0u, last;
 
     for (i = 1u; i < table->n.segments; i++) { s += (start_of(table, i, end) <= t) ? 1u : 0u; }
     last = table->segment[s].nodes - 1u;
     half = table->segment[s].half_length[0] + table->segment[s].half_length[1] * end;
     tau = (t - start_of(table, s, end)) / half - 1.0;
     for (i = 0u; i < k; i++) { /* no division, no singular node */
-        slot[i] = smaller(i, last); /* a finite number, times 0 */
+        place[i] = smaller(i, last) * rows; /* a finite number, times 0 */
         factors[i] = (i <= last) ? (tau - number(table, table->basis[s], i)) : 1.0;
         basis[i] = number(table, table->basis[s], k + i) * left;
         left *= factors[i];
@@ -276,18 +277,20 @@ void ampi_row_at(const ampi_table *table, const ampi_reference *reference, doubl
         basis[i - 1u] *= right;
         right *= factors[i - 1u];
     }
-    for (r = 0u; r < table->n.rows; r += 4u) { /* four sums that do not wait for one another */
-        const ampi_real *values[4];
-        double sum[4] = {0.0, 0.0, 0.0, 0.0};
-        size_t j;
-        for (j = 0u; j < 4u; j++) {
-            const size_t own = smaller(r + j, table->n.rows - 1u);
-            values[j] = &reference->rows[own * table->n.nodes + table->first_node[s]];
-        }
+    for (r = 0u; r < rows; r += 4u) { /* four sums that stay in registers; of the last four some anew */
+        const size_t begin = smaller(r, rows - 4u);
+        const ampi_real *values = &reference->rows[table->first_node[s] * rows + begin];
+        double a = 0.0, b = 0.0, c = 0.0, d = 0.0;
         for (i = 0u; i < k; i++) {
-            const size_t node = slot[i];
-            for (j = 0u; j < 4u; j++) { sum[j] += basis[i] * (double)values[j][node]; }
+            const ampi_real *value = &values[place[i]];
+            a += basis[i] * (double)value[0];
+            b += basis[i] * (double)value[1];
+            c += basis[i] * (double)value[2];
+            d += basis[i] * (double)value[3];
         }
-        for (j = 0u; j < 4u; j++) { row[smaller(r + j, table->n.rows - 1u)] = sum[j]; }
+        row[begin] = a;
+        row[begin + 1u] = b;
+        row[begin + 2u] = c;
+        row[begin + 3u] = d;
     }
 }

@@ -157,12 +157,11 @@ static void begin(fmu *unit)
 {
     fmu_flight *flight = &unit->flight;
     const ampi_reference *reference = &flight->guidance.reference;
-    const size_t n = unit->table.n.nodes;
 
     if (flight->is_begun == 0u) {
         ampi_guidance_begin(&flight->guidance, &unit->table, &flight->value[FMU_PARAMETERS]);
-        flight->value[FMU_BANK_RATE] = (double)reference->rows[BANK_RATE * n];
-        flight->value[FMU_BANK_ANGLE] = (double)reference->rows[BANK_ANGLE * n];
+        flight->value[FMU_BANK_RATE] = (double)reference->rows[BANK_RATE];
+        flight->value[FMU_BANK_ANGLE] = (double)reference->rows[BANK_ANGLE];
         flight->value[FMU_ANGLE_OF_ATTACK] = 0.0;
         flight->value[FMU_STEERING] = (double)AMPI_REFERENCE;
         flight->value[FMU_HEALTH] = (double)reference->health;
