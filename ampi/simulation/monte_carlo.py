@@ -43,7 +43,7 @@ SOURCES = {  # of what `fly` takes
     "world": "a world, its name or the path of its file",
     "stop": "an ampi.StopRule, or None to fly all",
 }
-BATCH = 128  # flights, two blocks of the engine; fixed, so that a batch is the same whatever the number of workers
+BATCH = 128  # flights, two blocks of the native engine; fixed, whatever the number of workers
 
 
 class CampaignOptions(TypedDict, total=False):

@@ -235,7 +235,7 @@ def test_sensitivity_tells_what_the_miss_comes_from(folder: Path) -> None:
         (("guide", "small.h5", "-p", "speed_m_per_s"), "--parameter: expected KEY=NUMBER"),
         (("guide", "small.h5", "--mode", "best"), "--mode: expected one of nominal, mpi"),
         (("guide", "small.h5", "-p", "speed_m_per_s=1", "-p", "speed_m_per_s=2"), "given twice"),
-        (("fly", "small.h5", "--modes", "ampi,best"), "quadratic, got 'best'"),
+        (("fly", "small.h5", "--modes", "ampi,best"), "hermite, got 'best'"),
         (("fly", "small.h5", "--world", "everyting"), "or the path of a .toml file, got 'everyt"),
         (("fly", "small.h5", "--law", "best"), "drag_sliding_mode, drag_shuttle, got 'best'"),
         (("fly", "small.h5", "--pool", "best"), "pool: expected one of reported, tuning, got"),

@@ -14,6 +14,7 @@ from ampi.loading import load_guidance
 from ampi.missions.loading import parse_mission
 from ampi.missions.mission import Mission
 from tests.support.missions import text_on_grid
+from tests.support.references import asking
 from tests.support.worlds import of_entries
 
 DEGREE = np.pi / 180.0
@@ -76,11 +77,10 @@ def test_the_onboard_command_keeps_it_too(mission: Mission, guidance: Guidance) 
     """A bank angle that asks for more than the limit: the command stops at the limit of this p."""
     for offset in (-2.0, 20.0):
         limit = (45.0 + offset) * DEGREE
-        eager = guidance.reference(at(mission, 0.0, offset)).copy()
+        eager = asking(guidance.reference(at(mission, 0.0, offset)), 1.0)
         state = eager.states[:, 0].copy()
         state[6], rate = limit - 10.0 * DEGREE, 0.0
         greatest = 0.0
-        eager.bank_rate[:], eager.gains[:] = 1.0, 0.0
         guidance.follow(eager)
         for k in range(80):
             command = guidance.step(0.5 * k, [*state, rate])

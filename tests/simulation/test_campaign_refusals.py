@@ -73,8 +73,8 @@ def test_options(
 def test_a_name_that_is_no_option(mission: Mission, guidance: Guidance) -> None:
     told = refused(mission, guidance, TypeError, sed=3)
     assert told == (
-        "fly: expected the options seed, pool, cycle, record_every, stop, output, resume, n_jobs, "
-        "client, advance, got sed"
+        "fly: expected the options seed, pool, cycle, engine, record_every, stop, output, resume, "
+        "n_jobs, client, advance, got sed"
     )
 
 

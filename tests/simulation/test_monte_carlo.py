@@ -27,6 +27,8 @@ N, BATCH = 23, 10
 FEW: dict[str, Any] = {"n_jobs": 1, "cycle": 0.5, "record_every": 60.0}
 UNIFORM = 'name = "w"\ntitle = "W"\n[entry]\ndistribution = "uniform"\nscale = {}\n'
 
+MODES = [Mode.NOMINAL, Mode.MPI, Mode.AMPI, Mode.QUADRATIC]
+
 
 @pytest.fixture(scope="module", autouse=True)
 def _small_batches() -> Any:
@@ -167,13 +169,13 @@ def test_a_campaign_does_not_depend_on_the_turn_of_its_target(
 def test_schemes_fly_the_same_draws(short: Mission, short_guidance: Guidance) -> None:
     """Each as it flies alone; a world that draws more leaves what both draw as it is."""
     lift = world('[aerodynamics]\nlift_factor = { distribution = "normal", three_sigma = 0.1 }\n')
-    schemes = {mode.value: Scheme(short_guidance.in_mode(mode)) for mode in Mode}
+    schemes = {mode.value: Scheme(short_guidance.in_mode(mode)) for mode in MODES}
     schemes["lift"] = Scheme(short_guidance, lift)
     flown = fly_schemes(short, schemes, 4, seed=8, **FEW)
     assert list(flown) == list(schemes)
     for flights in flown.values():
         assert np.array_equal(flights.parameters, flown["ampi"].parameters)
-    assert [flown[mode.value].mode for mode in Mode] == list(Mode)
+    assert [flown[mode.value].mode for mode in MODES] == MODES
     assert len({flights.miss.tobytes() for flights in flown.values()}) == len(schemes)
     assert not flown["nominal"].clipped.any()
     assert_identical(fly(short, short_guidance, lift, 4, seed=8, **FEW), flown["lift"])
