@@ -77,13 +77,13 @@ class Guidance:
         self.orders = None if orders is None else tuple(orders)
         self.certifier = certifier  # None: nothing is known on board of vehicle and air
         self._generator = ReferenceGenerator(table, self.mode, self.orders)
-        self.engine = self._engine(engine)
+        self._asked_engine, self.engine = engine, self._engine(engine)
         self._stated_cycle = cycle
         self._allocate(1)
 
     def __reduce__(self) -> tuple[object, ...]:
-        """Pickled as what it is made from; a worker allocates its own memory."""
-        return _restored, (self._settings(),)
+        """Pickled as what it is made from; a worker allocates its own memory, on the same engine."""
+        return _restored, (self._settings(engine=self.engine),)
 
     @property
     def cycle(self) -> float:
@@ -138,7 +138,7 @@ class Guidance:
             "mission_sha256": self.mission_sha256,
             "orders": self.orders,
             "certifier": self.certifier,
-            "engine": self.engine,
+            "engine": self._asked_engine,
             **changes,
         }
 
