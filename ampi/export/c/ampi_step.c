@@ -1,4 +1,4 @@
-/* One guidance cycle: clock, look-up, plausibility, law, limiter, as ampi/guidance.py,
+/* One guidance cycle: clock, look-up, plausibility, law, limiter, as ampi/guidance_cycle.py,
    ampi/onboard/{clock,plausibility}.py and ampi/tracking/bank_limiter.py. */
 #include "ampi_parts.h"
 
