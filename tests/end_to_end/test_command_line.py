@@ -201,7 +201,7 @@ def test_worlds_and_laws_side_by_side_and_one_flight_again(folder: Path) -> None
 def test_a_campaign_that_knows_enough_stops(folder: Path) -> None:
     stop = ("--stop-percent", "30", "--modes", "ampi", "--cycle", "0.5", "-n", "300")
     run("fly", "small.h5", *stop, "--output", "short.h5", cwd=folder)
-    assert load_campaigns(folder / "short.h5")["ampi"].n == 100
+    assert load_campaigns(folder / "short.h5")["ampi"].n == 128
 
 
 def test_sensitivity_tells_what_the_miss_comes_from(folder: Path) -> None:
