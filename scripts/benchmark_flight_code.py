@@ -10,7 +10,6 @@ from __future__ import annotations
 import argparse
 import json
 import re
-import resource
 import subprocess
 import tempfile
 import time
@@ -21,6 +20,7 @@ from typing import Any
 
 import numpy as np
 from flight_truth import flown_by_dop853, seconds_of_one_call
+from memory_watch import MemoryWatch
 from numpy.typing import NDArray
 from readme_section import write_section
 from scipy.interpolate import RegularGridInterpolator
@@ -163,13 +163,16 @@ def flights(guidance: Guidance, world: str) -> dict[str, Any]:
 def against_integrators(guidance: Guidance, world: str) -> dict[str, float]:
     """The plant against DOP853, and solve_ivp called every cycle."""
     own = guidance.at_cycle(0.1).on_engine("native")
-    truth = ampi.load_world(world).draw(MISSION(), AGAINST_DOP853, seed=1, pool="tuning")
-    family = MISSION().family(truth.parameters)
-    batch = fly_batch(family, own, truth, record_every=0.1)
-    errors = [flown_by_dop853(family, own, truth, batch, i) for i in range(AGAINST_DOP853)]
+    found = {}
+    for name in ("entry", world):
+        truth = ampi.load_world(name).draw(MISSION(), AGAINST_DOP853, seed=1, pool="tuning")
+        family = MISSION().family(truth.parameters)
+        batch = fly_batch(family, own, truth, record_every=0.1)
+        errors = [flown_by_dop853(family, own, truth, batch, i) for i in range(AGAINST_DOP853)]
+        found[f"error_{name}_m"] = float(np.max(errors))
     call = seconds_of_one_call(family, own, truth, batch)
     updates = float(np.nanmean(batch.final_time)) / 0.1
-    return {"error_m": float(np.max(errors)), "solve_ivp_ms": 1e3 * call * updates}
+    return {**found, "solve_ivp_ms": 1e3 * call * updates}
 
 
 def campaign(path: Path, folder: Path, n: int, world: str) -> dict[str, float]:
@@ -177,7 +180,7 @@ def campaign(path: Path, folder: Path, n: int, world: str) -> dict[str, float]:
     output = folder / f"{world}_{n}.h5"
     output.unlink(missing_ok=True)
     began = time.perf_counter()
-    with progress(f"flying {n}", n) as advance:
+    with progress(f"flying {n}", n) as advance, MemoryWatch() as watch:
         ampi.fly(
             MISSION(),
             ampi.load_guidance(path),
@@ -189,15 +192,11 @@ def campaign(path: Path, folder: Path, n: int, world: str) -> dict[str, float]:
             advance=advance,
         )
     seconds = time.perf_counter() - began
-    largest = max(
-        resource.getrusage(who).ru_maxrss
-        for who in (resource.RUSAGE_CHILDREN, resource.RUSAGE_SELF)
-    )
     return {
         "flights": n,
         "seconds": seconds,
         "per_second": n / seconds,
-        "memory_bound_MiB": (JOBS + 1) * largest / 1024,
+        "memory_MiB": watch.greatest,
         "file_MB": output.stat().st_size / 1e6,
     }
 
@@ -286,7 +285,11 @@ def table(found: dict[str, Any]) -> str:
             "1,000 ×",
             f"{truth['solve_ivp_ms'] / native['ms']:,.0f} ×",
         ),
-        ("… end against DOP853", "1 cm", f"{1e3 * truth['error_m']:.2g} mm"),
+        (
+            "… end against DOP853 (world `entry`, whose air has no kinks)",
+            "1 cm",
+            f"{1e3 * truth['error_everything_m']:.2g} mm ({1e3 * truth['error_entry_m']:.2g} mm)",
+        ),
         (
             "one update at 1 Hz",
             "1 µs (Aerocapture: 1.9)",
@@ -301,7 +304,7 @@ def table(found: dict[str, Any]) -> str:
             f"{many['flights']:,} flights in a file, two processes",
             "1 GiB",
             f"{many['seconds']:.0f} s, {many['per_second']:.0f} a second, "
-            f"{many['memory_bound_MiB']:.0f} MiB at the most, {many['file_MB']:.0f} MB",
+            f"{many['memory_MiB']:.0f} MiB at the most, {many['file_MB']:.0f} MB",
         ),
     ]
     lines = ["| what | asked | measured |", "|---|---|---|"]

@@ -44,14 +44,12 @@ def flown_by_dop853(
     rates, _ = _rates(family, guidance, truth, flight)
     steering = np.stack([batch.bank_rate[flight], batch.angle_of_attack[flight]])
     x, times, end = batch.states[flight, :, 0].copy(), batch.times, batch.final_time[flight]
-    for k in range(len(times) - 1):
-        if not times[k] < end:
-            break
-        length = times[k + 1] - times[k]
-        slope = (steering[:, k + 1] - steering[:, k]) / length
-        if not np.all(np.isfinite(slope)):  # the last cycle, in which it ends: held as it was
-            slope = np.zeros(2)
-        until = min(times[k + 1], end)
+    cycle = guidance.cycle
+    for k in np.flatnonzero(times < end).tolist():
+        is_last = k + 1 == len(times) or not np.all(np.isfinite(steering[:, k + 1]))
+        # in the cycle in which it ends the steering is held as it was: a hundredth of a degree of bank
+        slope = np.zeros(2) if is_last else (steering[:, k + 1] - steering[:, k]) / cycle
+        until = end if is_last else times[k + 1]
         done = solve_ivp(
             rates, (times[k], until), x, args=(steering[:, k], slope, times[k]), **TIGHT
         )
