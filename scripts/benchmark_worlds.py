@@ -20,7 +20,7 @@ from readme_section import write_section
 import ampi
 import database
 from ampi.cli.progress import progress
-from ampi.simulation.closed_loop import fly_batch
+from ampi.simulation.engines import fly_batch
 from ampi.simulation.estimates.proportions import Fraction
 from ampi.simulation.statistics import ellipse_area, ratio_to_nominal
 
