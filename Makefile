@@ -35,7 +35,7 @@ contracts: $(VENV)/.test
 
 check: lint types contracts test
 
-benchmark: $(VENV)/.test
+benchmark: benchmark-flight-code
 	$(BIN)/python scripts/benchmark.py --readme README.md
 
 benchmark-factory: $(VENV)/.test
