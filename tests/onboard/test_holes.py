@@ -11,7 +11,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from ampi.guidance import Guidance, Health
+from ampi.guidance import Guidance
+from ampi.onboard.health import Health
 from ampi.onboard.reference import Mode, Reference, ReferenceGenerator
 from ampi.onboard.table import GuidanceTable, nearest_solved
 from ampi.tracking.bank_limiter import BankLimits
