@@ -267,6 +267,8 @@ class Supervisor:
         """Have one more worker ready; if it cannot start, the first job will say why."""
         with suppress(JobError, WorkerLost):
             with self._changed:
+                if len(self._alive) >= self._most:  # jobs that came first have started theirs
+                    return
                 hired = self._hired()
             self._release(self._ready(hired))
 
