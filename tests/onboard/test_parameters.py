@@ -25,6 +25,9 @@ TURN = 2.0 * np.pi
 AZIMUTH = -85.92
 NAN = float("nan")
 
+# a turn rounds: half-way between two points the nearest may be the other
+CONTINUOUS = [mode for mode in Mode if mode is not Mode.NEAREST]
+
 
 @pytest.fixture(scope="module")
 def placed(make_table: TableMaker) -> GuidanceTable:
@@ -133,7 +136,7 @@ def test_sixteen_last_digits_beyond_are_inside_and_more_are_not(
 
 
 @laws
-@given(share=st.floats(-0.5, 1.5), turns=st.integers(-3, 3), mode=st.sampled_from(list(Mode)))
+@given(share=st.floats(-0.5, 1.5), turns=st.integers(-3, 3), mode=st.sampled_from(CONTINUOUS))
 def test_whole_turns_of_an_azimuth_do_not_matter(
     placed: GuidanceTable, share: float, turns: int, mode: Mode
 ) -> None:
