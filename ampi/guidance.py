@@ -39,7 +39,8 @@ Array = NDArray[np.float64]
 
 N_NAVIGATED = N_STATES + 1  # the states and the bank rate
 N_SENSED = 3
-ENGINES = ("auto", "native", "numpy")
+NATIVE, NUMPY = "native", "numpy"
+ENGINES = ("auto", NATIVE, NUMPY)
 
 
 class Guidance:
@@ -220,7 +221,7 @@ class Guidance:
         self._cycle = self._cycle_of(self._flown)
 
     def _cycle_of(self, flown: FlownReferences) -> GuidanceCycle | CompiledCycle:
-        if self.engine == "native":
+        if self.engine == NATIVE:
             return CompiledCycle(flown, self.opened)
         return GuidanceCycle(flown, self.law, self._stated_cycle)
 
@@ -246,12 +247,12 @@ class Guidance:
         """The engine that computes, by its name."""
         if asked not in ENGINES:
             raise ValueError(f"engine: expected one of {', '.join(ENGINES)}, got {asked!r}")
-        if asked == "numpy":
+        if asked == NUMPY:
             return asked
         reason = why_not_compiled(self._generator.table, self.law, self._generator.orders)
-        if reason is not None and asked == "native":
+        if reason is not None and asked == NATIVE:
             raise ValueError(f"engine: expected numpy or auto, got native: {reason}")
-        return "native" if reason is None else "numpy"
+        return NATIVE if reason is None else NUMPY
 
     def step(self, time: float, navigation: ArrayLike, sensed: ArrayLike | None = None) -> Command:
         """Commands of one guidance cycle. Never an exception: what is unusual is the `health`.

@@ -145,8 +145,8 @@ def flights(guidance: Guidance, world: str) -> dict[str, Any]:
     for cycle in (0.1, 1.0):
         own = guidance.at_cycle(cycle)
         for engine, n in (("native", NATIVE_FLIGHTS), ("numpy", NUMPY_FLIGHTS)):
-            truth = ampi.load_world(world).draw(MISSION(), n, seed=1, pool="tuning")
-            family = MISSION().family(truth.parameters)
+            truth = ampi.load_world(world).draw(mission(), n, seed=1, pool="tuning")
+            family = mission().family(truth.parameters)
             seconds, updates = [], 0.0
             for _ in range(3 if engine == "native" else 1):
                 began = time.process_time()
@@ -165,8 +165,8 @@ def against_integrators(guidance: Guidance, world: str) -> dict[str, float]:
     own = guidance.at_cycle(0.1).on_engine("native")
     found = {}
     for name in ("entry", world):
-        truth = ampi.load_world(name).draw(MISSION(), AGAINST_DOP853, seed=1, pool="tuning")
-        family = MISSION().family(truth.parameters)
+        truth = ampi.load_world(name).draw(mission(), AGAINST_DOP853, seed=1, pool="tuning")
+        family = mission().family(truth.parameters)
         batch = fly_batch(family, own, truth, record_every=0.1)
         errors = [flown_by_dop853(family, own, truth, batch, i) for i in range(AGAINST_DOP853)]
         found[f"error_{name}_m"] = float(np.max(errors))
@@ -182,7 +182,7 @@ def campaign(path: Path, folder: Path, n: int, world: str) -> dict[str, float]:
     began = time.perf_counter()
     with progress(f"flying {n}", n) as advance, MemoryWatch() as watch:
         ampi.fly(
-            MISSION(),
+            mission(),
             ampi.load_guidance(path),
             world,
             n,
@@ -201,8 +201,8 @@ def campaign(path: Path, folder: Path, n: int, world: str) -> dict[str, float]:
     }
 
 
-def MISSION() -> Any:  # noqa: N802  (one mission for all of it)
-    """The mission of the database."""
+def mission() -> ampi.Mission:
+    """Of the database."""
     return ampi.load_mission("shefex3")
 
 
@@ -210,9 +210,9 @@ def measure(folder: Path, many: int) -> dict[str, Any]:
     """Everything, in one run."""
     folder.mkdir(exist_ok=True)
     path = folder / "shefex3.h5"
-    database.build(MISSION(), path, n_jobs=JOBS)
+    database.build(mission(), path, n_jobs=JOBS)
     guidance = ampi.load_guidance(path)
-    entries = ampi.load_world("entry").draw(MISSION(), ENTRIES, seed=1).parameters
+    entries = ampi.load_world("entry").draw(mission(), ENTRIES, seed=1).parameters
     return {
         "cpu": _processor(),
         "flags": " ".join(FLAGS),
@@ -231,13 +231,22 @@ def _processor() -> str:
     return f"{name[1] if name else 'unknown'}, {float(clock[1]) / 1e3 if clock else 0:.2f} GHz"
 
 
+Row = tuple[str, str, str]
+
+
 def table(found: dict[str, Any]) -> str:
     """The README's table."""
-    us, size, flight = found["reference_us"], found["table"], found["flight"]
+    rows = [*_reference_rows(found["reference_us"]), *_table_rows(found["table"])]
+    rows += [*_flight_rows(found), *_campaign_rows(found)]
+    lines = ["| what | asked | measured |", "|---|---|---|"]
+    lines += [f"| {' | '.join(row)} |" for row in rows]
+    lines += ["", f"CPU times on a shared {found['cpu']}; C by `cc {found['flags']}`."]
+    return "\n".join(lines)
+
+
+def _reference_rows(us: dict[str, Any]) -> list[Row]:
     double, single = us["float64"], us["float32"]
-    native, plain = flight["native_0.1"], flight["numpy_0.1"]
-    truth, many, thousand = found["truth"], found["campaign_many"], found["campaign_1000"]
-    rows = [
+    return [
         (
             "one reference, 601 points, C float64",
             "7 × numpy, 25 × scipy",
@@ -264,6 +273,11 @@ def table(found: dict[str, Any]) -> str:
             "20 µs",
             f"{us['step_python']:.1f} µs ({us['step_numpy']:.0f} µs)",
         ),
+    ]
+
+
+def _table_rows(size: dict[str, Any]) -> list[Row]:
+    return [
         *(
             (
                 f"table, {kind}",
@@ -275,6 +289,13 @@ def table(found: dict[str, Any]) -> str:
             )
             for kind, own in ((kind, size[kind]) for kind in KINDS)
         ),
+    ]
+
+
+def _flight_rows(found: dict[str, Any]) -> list[Row]:
+    flight, truth = found["flight"], found["truth"]
+    native, plain = flight["native_0.1"], flight["numpy_0.1"]
+    return [
         (
             "one flight at 10 Hz, `everything`, native engine",
             "25 × numpy; goal 2 ms",
@@ -295,6 +316,12 @@ def table(found: dict[str, Any]) -> str:
             "1 µs (Aerocapture: 1.9)",
             f"{flight['native_1']['us_per_update']:.2f} µs",
         ),
+    ]
+
+
+def _campaign_rows(found: dict[str, Any]) -> list[Row]:
+    many, thousand = found["campaign_many"], found["campaign_1000"]
+    return [
         (
             "1,000 `everything` flights, two processes",
             "8 s",
@@ -307,10 +334,6 @@ def table(found: dict[str, Any]) -> str:
             f"{many['memory_MiB']:.0f} MiB at the most, {many['file_MB']:.0f} MB",
         ),
     ]
-    lines = ["| what | asked | measured |", "|---|---|---|"]
-    lines += [f"| {' | '.join(row)} |" for row in rows]
-    lines += ["", f"CPU times on a shared {found['cpu']}; C by `cc {found['flags']}`."]
-    return "\n".join(lines)
 
 
 def main() -> None:

@@ -43,7 +43,10 @@ class Health(Outcome):
         "last cycle.",
     )
     AFTER_FINAL_TIME = 8, "The reference has ended: the bank angle is held."
-    NOT_BEGUN = 9, "No flight has been begun, nor a reference given: the bank angle is held."
+    NOT_BEGUN = (
+        9,
+        "No flight has been begun with this table, or it is not open: the bank angle is held.",
+    )
 
 
 class Steering(Outcome):

@@ -6,14 +6,12 @@ the same bits in both: every operation is repeated in its order (tracing/value_g
 
 from __future__ import annotations
 
-from ampi.guidance import Guidance
+from ampi.guidance import NATIVE, Guidance
 from ampi.missions.family import MissionFamily
 from ampi.missions.mission import Mission
 from ampi.simulation import closed_loop, native_loop
 from ampi.simulation.closed_loop import FlightBatch
 from ampi.simulation.truth import Truth
-
-NATIVE = "native"
 
 
 def fly_batch(

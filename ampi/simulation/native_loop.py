@@ -7,7 +7,6 @@ be interrupted.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -64,35 +63,16 @@ class _Loops:
         instruction_set: str,
     ) -> None:
         self.guidance, self.truth = guidance, truth
-        self.rhythm, self.entries = (
-            Rhythm.of(guidance.cycle, every),
-            Entries.of(family, guidance, truth),
+        self.rhythm = Rhythm.of(guidance.cycle, every)
+        self.entries = Entries.of(family, guidance, truth)
+        self.blocks = _blocks(len(truth))
+        self.loops = _loops(
+            self.entries.plant,
+            guidance.compiled,  # which has begun
+            self._settings(),
+            self._fixed(),
+            instruction_set,
         )
-        self.code = guidance.compiled  # which has begun
-        lanes = core().LANES
-        self.blocks = [slice(k, min(k + lanes, len(truth))) for k in range(0, len(truth), lanes)]
-        self.loops = self._loops(instruction_set)
-
-    def _loops(self, instruction_set: str) -> list[Any]:
-        plant, fixed, settings = native_plant(self.entries.plant), self._fixed(), self._settings()
-        return [
-            core().Loop(
-                plant.program,
-                self.code,
-                own.start,
-                own.stop - own.start,
-                settings,
-                np.ascontiguousarray(fixed[:, own]),
-                np.ascontiguousarray(plant.numbers[:, own]),
-                plant.profiles[own],
-                plant.step,
-                plant.profiles.shape[1],
-                plant.has_density,
-                plant.has_wind,
-                instruction_set,
-            )
-            for own in self.blocks
-        ]
 
     def flown(self) -> FlightBatch:
         """All of them, to their ends."""
@@ -103,36 +83,31 @@ class _Loops:
             asked = BLOCK if uniform is None else uniform.shape[1]
             before, after = _records(cycles, stride), _records(cycles + asked, stride)
             rows = np.full((after - before, core().RECORD_ROWS, len(self.truth)), np.nan)
-            flown = max(self._fly(asked, normal, uniform, rows))
+            flown = self._fly(asked, normal, uniform, rows)
             cycles += flown
             records.append(rows[: _records(cycles, stride) - before])
         return self._batch(np.concatenate(records), cycles)
 
-    def _fly(
-        self, cycles: int, normal: Array | None, uniform: Array | None, rows: Array
-    ) -> Iterator[int]:
-        """Every block by so many cycles, with its noise; how many it has flown before its end."""
+    def _fly(self, cycles: int, normal: Array | None, uniform: Array | None, rows: Array) -> int:
+        """Every block by so many cycles, with its noise; how many the longest has flown."""
+        flown = 0
         for own, loop in zip(self.blocks, self.loops, strict=True):
             noise = (
                 None if normal is None else normal[own],
                 None if uniform is None else uniform[own],
             )
             room = np.full((*rows.shape[:2], own.stop - own.start), np.nan)
-            yield loop.fly(cycles, *noise, room)
+            flown = max(flown, loop.fly(cycles, *noise, room))
             rows[:, :, own] = room
+        return flown
 
     def _settings(self) -> Array:
-        planet = self.entries.plant.family.mission.flight_model.planet
-        return _filled(
-            core().SETTINGS,
-            (),
-            cycle=self.rhythm.cycle,
-            parts=self.rhythm.parts,
-            stride=self.rhythm.stride,
+        planet, rhythm = self.entries.plant.family.mission.flight_model.planet, self.rhythm
+        return _settings(
+            cycle=rhythm.cycle,
+            parts=rhythm.parts,
+            stride=rhythm.stride,
             radius=planet.equatorial_radius,
-            speed_tolerance=PLANT.speed_tolerance,
-            altitude_tolerance=PLANT.altitude_tolerance,
-            search=PLANT.search,
             senses=self.guidance.law.senses,
         )
 
@@ -162,7 +137,7 @@ class _Loops:
 
     def _batch(self, records: Array, cycles: int) -> FlightBatch:
         flights, plant = self.entries.flights, self.entries.plant
-        result, peak = self._results(len(plant.limits.names))
+        result, peak = _results(self.loops, len(self.truth), len(plant.limits.names))
         _end(flights, result, peak)
         return FlightBatch(
             final_states=flights.final,
@@ -181,70 +156,82 @@ class _Loops:
             peak=flights.peak_at_the_end(plant),
         )
 
-    def _results(self, limits: int) -> tuple[dict[str, Array], Array]:
-        """What came of the flights, by name (rows, n), and the peaks (l, n)."""
-        table = core().RESULTS
-        first = table["peak"][0]
-        found = []
-        for own, loop in zip(self.blocks, self.loops, strict=True):
-            found.append(np.empty((first + limits, own.stop - own.start)))
-            loop.results(found[-1])
-        whole = np.concatenate(found, axis=1)
-        return {name: whole[k : k + rows] for name, (k, rows) in table.items()}, whole[first:]
-
 
 def fly_held(plant: Plant, flights: InFlight, step: float) -> None:
     """Fly a plant to the ends of its flights with the bank angle held, in steps of `step` (s)."""
-    prepared, n, lanes = native_plant(plant), len(flights.flying), core().LANES
-    nothing = dict.fromkeys(core().FIXED, 0.0)
-    fixed = _filled(
-        core().FIXED,
-        (n,),
-        **nothing
-        | {
-            "entry": flights.x,
-            "flying": flights.flying,
-            "target_speed": plant.target_speed,
-            "longest": plant.longest,
-        },
-    )
-    settings = _filled(
+    own = {
+        "entry": flights.x,
+        "flying": flights.flying,
+        "target_speed": plant.target_speed,
+        "longest": plant.longest,
+    }
+    n = len(flights.flying)
+    fixed = _filled(core().FIXED, (n,), **dict.fromkeys(core().FIXED, 0.0) | own)
+    settings = _settings(cycle=step, parts=1, stride=UNRECORDED, radius=1.0, senses=False)
+    loops = _loops(plant, None, settings, fixed)
+    for block, loop in zip(_blocks(n), loops, strict=True):
+        loop.fly(
+            UNRECORDED, None, None, np.empty((1, core().RECORD_ROWS, block.stop - block.start))
+        )
+    _end(flights, *_results(loops, n, len(plant.limits.names)))
+
+
+def _blocks(n: int) -> list[slice]:
+    """Of n flights those that are flown abreast."""
+    lanes = core().LANES
+    return [slice(k, min(k + lanes, n)) for k in range(0, n, lanes)]
+
+
+def _settings(*, cycle: float, parts: int, stride: int, radius: float, senses: bool) -> Array:
+    return _filled(
         core().SETTINGS,
         (),
-        cycle=step,
-        parts=1,
-        stride=UNRECORDED,
-        radius=1.0,
+        cycle=cycle,
+        parts=parts,
+        stride=stride,
+        radius=radius,
         speed_tolerance=PLANT.speed_tolerance,
         altitude_tolerance=PLANT.altitude_tolerance,
         search=PLANT.search,
-        senses=0.0,
+        senses=senses,
     )
-    table, limits = core().RESULTS, len(plant.limits.names)
-    results = np.empty((table["peak"][0] + limits, n))
-    for own in (slice(k, min(k + lanes, n)) for k in range(0, n, lanes)):
-        count = own.stop - own.start
-        loop = core().Loop(
-            prepared.program,
-            None,
-            0,
-            count,
+
+
+def _loops(
+    plant: Plant, code: Any, settings: Array, fixed: Array, instruction_set: str = ""
+) -> list[Any]:
+    """A loop of the engine for each block; `code` flies them, None: their steering is held."""
+    own = native_plant(plant)
+    return [
+        core().Loop(
+            own.program,
+            code,
+            block.start,
+            block.stop - block.start,
             settings,
-            np.ascontiguousarray(fixed[:, own]),
-            np.ascontiguousarray(prepared.numbers[:, own]),
-            prepared.profiles[own],
-            prepared.step,
-            prepared.profiles.shape[1],
-            prepared.has_density,
-            prepared.has_wind,
-            "",
+            np.ascontiguousarray(fixed[:, block]),
+            np.ascontiguousarray(own.numbers[:, block]),
+            own.profiles[block],
+            own.step,
+            own.profiles.shape[1],
+            own.has_density,
+            own.has_wind,
+            instruction_set,
         )
-        room, out = np.empty((1, core().RECORD_ROWS, count)), np.empty((len(results), count))
-        loop.fly(UNRECORDED, None, None, room)
-        loop.results(out)
-        results[:, own] = out
-    named = {name: results[k : k + rows] for name, (k, rows) in table.items()}
-    _end(flights, named, results[table["peak"][0] :])
+        for block in _blocks(fixed.shape[1])
+    ]
+
+
+def _results(loops: list[Any], n: int, limits: int) -> tuple[dict[str, Array], Array]:
+    """What came of n flights, by name (rows, n), and the peaks (l, n)."""
+    table = core().RESULTS
+    first = table["peak"][0]
+    whole = np.empty((first + limits, n))
+    for block, loop in zip(_blocks(n), loops, strict=True):
+        own = np.empty((len(whole), block.stop - block.start))
+        loop.results(own)
+        whole[:, block] = own
+    return {name: whole[k : k + rows] for name, (k, rows) in table.items()}, whole[first:]
 
 
 def _records(cycles: int, stride: int) -> int:

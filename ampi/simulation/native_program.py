@@ -45,7 +45,13 @@ ENTRIES = ((0,), (0, 1), (2,))  # rates; rates and uses; specific force
 
 @dataclass(frozen=True)
 class LookedUp:
-    """Stands in a traced model for profiles over altitude."""
+    """Stands in a traced model for profiles over altitude: what the engine has looked up."""
+
+    values: Any = None
+
+    def __call__(self, altitude: Any) -> Any:
+        """It is of the altitude at which the model is evaluated."""
+        return self.values
 
 
 @dataclass(frozen=True, eq=False)
@@ -120,10 +126,10 @@ def _with_profiles(model: FlightModel, density: Any, wind: tuple[Any, Any]) -> F
     """The model with symbols where there were stand-ins."""
     atmosphere: Any = model.atmosphere
     if isinstance(atmosphere, TrueAtmosphere) and isinstance(atmosphere.profile, LookedUp):
-        looked_up: Any = lambda altitude: [density]  # noqa: E731
+        looked_up: Any = LookedUp([density])
         model = replace(model, atmosphere=replace(atmosphere, profile=looked_up))
     if isinstance(model.wind, TrueWind):
-        blowing: Any = lambda altitude: wind  # noqa: E731
+        blowing: Any = LookedUp(wind)
         model = replace(model, wind=replace(model.wind, profile=blowing))
     return model
 

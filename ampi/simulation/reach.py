@@ -10,6 +10,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from ampi.guidance import NATIVE, NUMPY
 from ampi.physics.planet import great_circle_distance
 from ampi.physics.state import LATITUDE, LONGITUDE
 from ampi.simulation.native_loop import fly_held
@@ -23,7 +24,7 @@ STEP = (
 BANKS = (0.0, 1.0, -1.0)  # of the limit
 
 
-def ranges(plant: Plant, engine: str = "numpy") -> tuple[Array, Array]:
+def ranges(plant: Plant, engine: str = NUMPY) -> tuple[Array, Array]:
     """Least and greatest range (m), (n,) each, of the vehicles of a plant from entry over the ground.
 
     NaN where it is unknown: of a flight that cannot begin, the greatest of one that wings level meets
@@ -44,7 +45,7 @@ def _flown(plant: Plant, engine: str) -> Array:
     bank = np.repeat(BANKS, everyone // len(BANKS)) * plant.limits.bank_angle
     finite = np.all(np.isfinite(plant.truth.parameters), axis=1)
     flights, held, time = InFlight.at_entry(plant, bank, finite), np.zeros((2, everyone)), 0.0
-    if engine == "native":
+    if engine == NATIVE:
         fly_held(plant, flights, STEP)
     while flights.flying.any():
         flights.advance(plant, held, held, time, STEP)

@@ -70,7 +70,9 @@ def descent(law: TrackingLaw, share: Array, p: Array) -> Array:
     return np.stack(np.broadcast_arrays(*rows))
 
 
-def entry_table(law: TrackingLaw, shape: tuple[int, ...] = (4, 3, 2)) -> GuidanceTable:
+def entry_table(
+    law: TrackingLaw, shape: tuple[int, ...] = (4, 3, 2), mesh: Mesh = MESH, points: int = 71
+) -> GuidanceTable:
     """`descent` over three axes, the first of longitudes, the last of bank limits."""
     axes = (
         np.linspace(-0.3, 0.4, shape[0]) ** 3 + 3.0,
@@ -79,17 +81,17 @@ def entry_table(law: TrackingLaw, shape: tuple[int, ...] = (4, 3, 2)) -> Guidanc
     )
     grid = np.stack(np.meshgrid(*axes, indexing="ij"))[..., None]
     final_time = 300.0 + 20.0 * grid[0, ..., 0] + np.sin(grid[1, ..., 0])
-    fixed, free = MESH.node_time
+    fixed, free = mesh.node_time
     share = (fixed + free * final_time[..., None]) / final_time[..., None]
-    fraction = np.linspace(0.0, 1.0, 71)
+    fraction = np.linspace(0.0, 1.0, points)
     point_fixed = np.concatenate([np.linspace(0.0, 30.0, 11)[:-1], 30.0 * (1.0 - fraction)])
     point_free = np.concatenate([np.zeros(10), fraction])
     return GuidanceTable(
         axes=axes,
         values=np.ascontiguousarray(np.moveaxis(descent(law, share, grid), 0, -2)),
         final_time=final_time,
-        segments=segments_of(MESH),
-        conversion=np.ascontiguousarray(MESH.conversion(point_fixed + point_free * 300.0, 300.0).T),
+        segments=segments_of(mesh),
+        conversion=np.ascontiguousarray(mesh.conversion(point_fixed + point_free * 300.0, 300.0).T),
         high_density_time=(point_fixed, point_free),
         centre=tuple(n // 2 for n in shape),
         circular=(0,),

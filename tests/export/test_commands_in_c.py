@@ -101,6 +101,30 @@ def test_what_is_not_told_is_not_known(code: ctypes.CDLL, entry: LawMaker) -> No
     assert told["numbers"].tolist() == [expected.bank_rate, expected.bank_angle, 0.0]
 
 
+def test_without_its_table_a_flight_holds_its_last_command_within_its_limits(
+    code: ctypes.CDLL, entry: LawMaker
+) -> None:
+    guidance = entry(cycle=0.5)
+    flight, foreign = FlightCode(code, blob_of(guidance)), FlightCode(code, b"nothing")
+    p = np.array([axis[1] for axis in guidance.table.axes])
+    flight.begin(p)
+    navigation = guidance.reference(p).rows[:8, 0].copy()
+    navigation[7] = guidance.limits.rate
+    navigation[3] += 80.0  # something to steer for
+    last = flight.fly(0.5 * np.arange(8), np.repeat(navigation[None], 8, axis=0))["numbers"][-1]
+    assert last[0] != 0.0
+    flight.table = foreign.table
+    change = guidance.limits.acceleration * 0.5
+    for _ in range(12):
+        told = flight.fly([99.0], np.full((1, 8), np.nan))[0]
+        assert (told["health"], told["steering"]) == (Health.NOT_BEGUN, Steering.HELD)
+        rate, bank, _ = told["numbers"]
+        assert rate == pytest.approx(np.sign(last[0]) * max(abs(last[0]) - change, 0.0), abs=1e-15)
+        assert bank == pytest.approx(last[1] + 0.25 * (last[0] + rate), abs=1e-14)
+        last = told["numbers"]
+    assert last[0] == 0.0
+
+
 def test_a_flight_that_was_not_begun_commands_no_rate_and_says_so(
     code: ctypes.CDLL, entry: LawMaker
 ) -> None:

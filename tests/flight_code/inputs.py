@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from ampi.export.blob import _segments_of_points
 from ampi.guidance import Guidance
 from ampi.onboard.subspace import Order
+from ampi.pseudospectral.mesh import Mesh, Phase
 from tests.export.conftest import LAWS, LIMITS, entry_table
 from tests.support.flight_blobs import blob_of, numpy_commands, recorded, some_parameters
 
@@ -35,6 +36,11 @@ CASES = {
     "shuttle": ("drag_shuttle", "ampi", ("quadratic", "cubic", "linear"), "float64", 1e-14),
     "sliding": ("drag_sliding_mode", "ampi", ("second_differences",) * 3, "float64", 1e-14),
 }
+
+
+# of the size of a real table: what varies may be lost in a small one
+LONG = {"long_shuttle": "drag_shuttle", "long_sliding": "drag_sliding_mode"}
+LONG_MESH = Mesh((Phase((14,), 30.0), Phase((14, 14, 14))))
 
 
 def guidance_of(name: str) -> Guidance:
@@ -145,7 +151,7 @@ def narrower(guidance: Guidance, blob: bytes) -> bytes:
 
 
 def write(folder: Path) -> None:
-    """Of every case."""
+    """Of every case; of the long tables the blob alone."""
     for name, (*_, kind, error) in CASES.items():
         guidance, rng = guidance_of(name), np.random.default_rng(17)
         blob, table = blob_of(guidance, kind=kind), guidance.table
@@ -161,6 +167,10 @@ def write(folder: Path) -> None:
         numbers = np.concatenate([[*sizes, *counts, len(bad)], *about, *of_flights, *bad])
         (folder / f"{name}.blob").write_bytes(blob)
         (folder / f"{name}.cases").write_bytes(numbers.astype("<f8").tobytes())
+    for name, law in LONG.items():
+        table = entry_table(LAWS[law], (2, 2, 2), LONG_MESH, 591)
+        blob = Guidance(table, LIMITS, law=LAWS[law], engine="numpy").blob()
+        (folder / f"{name}.blob").write_bytes(blob)
 
 
 if __name__ == "__main__":

@@ -48,7 +48,7 @@ typedef enum {
     AMPI_BAD_NAVIGATION,         /* no number */
     AMPI_BAD_TIME,               /* no number, or it does not go on: counted on by the last cycle */
     AMPI_AFTER_FINAL_TIME,       /* the reference has ended: the bank angle is held */
-    AMPI_NOT_BEGUN               /* no open table, or a flight not begun with it: rate zero */
+    AMPI_NOT_BEGUN               /* no open table, or a flight not begun with it: held */
 } ampi_health;
 
 typedef enum { AMPI_TRACKED = 0, AMPI_REFERENCE, AMPI_HELD } ampi_steering;
@@ -113,7 +113,7 @@ typedef struct {
 } ampi_guidance;
 
 /* Checks all of a blob of `size` bytes, of any alignment, which must outlive the table. On failure the
-   table is closed: flown all the same, commands are AMPI_NOT_BEGUN. */
+   table is closed: flown all the same, commands are AMPI_NOT_BEGUN and hold the last bank angle. */
 ampi_status ampi_table_open(ampi_table *table, const unsigned char *blob, size_t size);
 
 /* Reference for measured parameters [axes], in the table's order and units; NULL: none is known. */

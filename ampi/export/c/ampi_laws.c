@@ -81,7 +81,7 @@ static double slope_between(const ampi_table *table, const ampi_guidance *guidan
     const double final_time = guidance->reference.final_time;
     const double passed = fabs(time_of(table, final_time, beside) - time_of(table, final_time, point));
     *way = fabs(guidance->along[beside] - guidance->along[point]);
-    return (*way > 0.0) ? (passed / *way) : 0.0;
+    return chosen(*way > 0.0, passed / *way, 0.0);
 }
 
 /* Time at which `along` reaches a value, held at the ends: Eq. (1) of onboard/flown_references.py. */
@@ -103,15 +103,15 @@ static double instant_of(const ampi_table *table, const ampi_guidance *guidance,
     slope = (end - begin) / way;
     left = slope_between(table, guidance, i, (i > 0u) ? (i - 1u) : 0u, &before);
     right = slope_between(table, guidance, i + 1u, ((i + 2u) < last) ? (i + 2u) : last, &after);
-    is_left = (left <= (ALIKE * slope)) && (slope <= (ALIKE * left));
-    is_right = (right <= (ALIKE * slope)) && (slope <= (ALIKE * right));
+    is_left = (left <= (ALIKE * slope)) & (slope <= (ALIKE * left)); /* & : as many instructions */
+    is_right = (right <= (ALIKE * slope)) & (slope <= (ALIKE * right));
     bend = chosen(is_left, way * (left - slope) / (way + before), 0.0);
     other = chosen(is_right, way * (right - slope) / (way + after), -bend);
     bend = chosen(is_left, bend, -other);
     inside = clipped(value, along[i], along[i + 1u]);
     ahead = least(begin + (inside - along[i]) * left, end);
     back = most(end - (along[i + 1u] - inside) * right, begin);
-    jumps = (left > 0.0) && (right > 0.0) && !is_left && !is_right;
+    jumps = (left > 0.0) & (right > 0.0) & !is_left & !is_right;
     return chosen(jumps, chosen(w < 0.5, ahead, back),
                   begin + way * w * (slope + (1.0 - w) * ((1.0 - w) * bend - w * other)));
 }
@@ -137,7 +137,7 @@ static accelerations sensed_of(const double *at, const double *sensed)
 {
     const double drag = -sensed[0], lift = sqrt(sensed[1] * sensed[1] + sensed[2] * sensed[2]);
     const double reference = exp(at[LOG_DRAG]);
-    accelerations felt = {drag, lift, (drag > 0.0) && (drag < HUGE_VAL) && (lift < HUGE_VAL)};
+    accelerations felt = {drag, lift, (drag > 0.0) & (drag < HUGE_VAL) & (lift < HUGE_VAL)};
 
     felt.drag = chosen(felt.is_known, drag, reference);
     felt.lift = chosen(felt.is_known, lift, reference * fabs(at[LIFT_TO_DRAG]));
@@ -152,11 +152,11 @@ static double side_of(const double *gain, const double *at, const double *state,
     const double right = gain[RADIUS] * (east * cos(at[AZIMUTH]) - north * sin(at[AZIMUTH]));
     const double turned = wrapped(state[AZIMUTH] - at[AZIMUTH]);
     const double error = turned + right / most(at[RANGE_TO_GO], gain[LEAST_RANGE]);
-    const bool goes_on = ((*turning * error) < 0.0) && (fabs(error) > (0.5 * gain[DEADBAND]));
+    const bool goes_on = ((*turning * error) < 0.0) & (fabs(error) > (0.5 * gain[DEADBAND]));
 
-    *turning = goes_on ? *turning : 0.0;
-    *turning = (fabs(error) > gain[DEADBAND]) ? ((error > 0.0) ? -1.0 : 1.0) : *turning;
-    return (*turning != 0.0) ? *turning : ((at[BANK] < 0.0) ? -1.0 : 1.0);
+    *turning = chosen(goes_on, *turning, 0.0);
+    *turning = chosen(fabs(error) > gain[DEADBAND], chosen(error > 0.0, -1.0, 1.0), *turning);
+    return chosen(*turning != 0.0, *turning, chosen(at[BANK] < 0.0, -1.0, 1.0));
 }
 
 /* Bank rate towards a bank angle of this cosine, the reference's until the air is felt, on the side of
@@ -165,9 +165,9 @@ static double steered(const double *gain, const double *at, const double *state,
                       double cosine, double *turning)
 {
     const double inside = clipped(cosine, -1.0, 1.0);
-    const bool is_used = (felt.drag > gain[FELT_DRAG]) && (inside == inside);
+    const bool is_used = (felt.drag > gain[FELT_DRAG]) & (inside == inside);
     const double size = chosen(is_used, acos(inside), fabs(at[BANK]));
-    const double side = side_of(gain, at, state, turning), own = (at[BANK] < 0.0) ? -1.0 : 1.0;
+    const double side = side_of(gain, at, state, turning), own = chosen(at[BANK] < 0.0, -1.0, 1.0);
     const double missing = side * size - state[BANK], far = fabs(missing);
     const double approach = least(gain[TURN_RATE] * far, sqrt(2.0 * gain[BRAKING] * far));
     const double rate = side * own * at[BANK_RATE] + copysign(approach, missing);
@@ -206,7 +206,7 @@ static double drag_sliding_mode(ampi_guidance *guidance, const double *gain, con
     const double error = chosen(felt.is_known, off, 0.0);
     const double s = rate + gain[LAMBDA] * drag * error;
     const double known = gain[LAMBDA] * drag * rate - authority * above;
-    const bool is_acting = (felt.drag > gain[FELT_DRAG]) && (fabs(s + known) < HUGE_VAL);
+    const bool is_acting = (felt.drag > gain[FELT_DRAG]) & (fabs(s + known) < HUGE_VAL);
     const double ahead = memory[SURFACE] + step * (known + memory[DISTURBANCE]); /* the observer */
     const double d = memory[DISTURBANCE] + forgotten * forgotten / step * (s - ahead);
     double asked, cosine, spare, wanted, change;
@@ -217,7 +217,7 @@ static double drag_sliding_mode(ampi_guidance *guidance, const double *gain, con
     asked = memory[DISTURBANCE] + drag * (gain[LAMBDA] * rate + asked);
     cosine = (vertical + asked / authority) / felt.lift; /* Eq. (4) */
     spare = chosen(is_acting, most(1.0 - cosine, 0.0), 0.0);
-    wanted = chosen(is_acting && (slope >= LEAST_SLOPE), -error / steep, 0.0); /* Eq. (5) */
+    wanted = chosen(is_acting & (slope >= LEAST_SLOPE), -error / steep, 0.0); /* Eq. (5) */
     wanted = clipped(most(wanted, -spare / steep), -gain[MOST_ANGLE], gain[MOST_ANGLE]);
     change = gain[ANGLE_RATE] * step;
     memory[ANGLE] = clipped(wanted, memory[ANGLE] - change, memory[ANGLE] + change);

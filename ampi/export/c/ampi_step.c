@@ -152,10 +152,27 @@ static double limited_rate(const ampi_guidance *guidance, double bank, double ra
     return next_rate(rate, clipped(command, -down, up), guidance->limit[1], a * cycle);
 }
 
+/* Without the table that the flight was begun with: the bank angle of the last command is held, and its
+   rate taken away within the limit of acceleration. All zero before any command, and of zeroed memory. */
+static ampi_command held(ampi_guidance *guidance)
+{
+    ampi_command command = {0.0, 0.0, 0.0, AMPI_HELD, AMPI_NOT_BEGUN};
+
+    if ((guidance->is_begun == AMPI_OPEN) && (guidance->rate == guidance->rate)) {
+        const double rate = guidance->rate, change = guidance->limit[2] * guidance->shortest;
+        guidance->rate = clipped(0.0, rate - change, rate + change);
+        guidance->bank += 0.5 * (rate + guidance->rate) * guidance->expected;
+        command.bank_rate = guidance->rate;
+        command.bank_angle = guidance->bank;
+        command.angle_of_attack = guidance->angle;
+    }
+    return command;
+}
+
 ampi_command ampi_guidance_step(ampi_guidance *guidance, const ampi_table *table, double time,
                                 const double navigation[AMPI_N_NAVIGATED], const double *sensed)
 {
-    ampi_command command = {0.0, 0.0, 0.0, AMPI_HELD, AMPI_NOT_BEGUN};
+    ampi_command command;
     static const double NOTHING[AMPI_N_NAVIGATED] = {AMPI_NAN, AMPI_NAN, AMPI_NAN, AMPI_NAN,
                                                      AMPI_NAN, AMPI_NAN, AMPI_NAN, AMPI_NAN};
     const double *told = (navigation != NULL) ? navigation : NOTHING;
@@ -167,7 +184,7 @@ ampi_command ampi_guidance_step(ampi_guidance *guidance, const ampi_table *table
 
     if ((table->is_open != AMPI_OPEN) || (guidance->is_begun != AMPI_OPEN)
         || (guidance->reference.checksum != table->checksum)) {
-        return command;
+        return held(guidance);
     }
     for (i = 0u; i < AMPI_N_NAVIGATED; i++) { known += (fabs(told[i]) < AMPI_SANE) ? 1u : 0u; }
     is_in_time = advance(guidance, table, time);

@@ -1,0 +1,50 @@
+"""What one call of the flight code takes at the most, in instructions.
+
+Nothing in it depends on data but the values, so a call is a sum over the sizes of the table,
+
+    reference = vertices (a columns + 90) + 520 axes,                                              (1)
+    step = b + 14 segments + widest (26 + 13 ⌈rows/4⌉) + 11 ⌈log₂ points⌉,                         (2)
+
+with a by the type of the values, b by the law, and the last term of the laws that look up by energy. The
+numbers are those that callgrind counts of gcc 12, -O2, on x86-64, rounded up by some hundredths;
+`make flight-code` fails where a count lies above them, or a fifth below.
+"""
+
+from __future__ import annotations
+
+import math
+import struct
+from dataclasses import dataclass
+
+from ampi.export.blob import HEADER, KINDS, LAWS, blob_vertices
+
+A_VALUE = {"float64": 7, "float32": 8, "int16": 9}  # of a vertex; int16 is mapped once, too
+A_LAW = {"linear_quadratic": 1370, "drag_shuttle": 1850, "drag_sliding_mode": 2100}
+MAPPED = 8  # of a column
+LIBRARY = 800  # of exp, expm1, log, sin, cos, acos in a step of a drag law, glibc's
+
+
+@dataclass(frozen=True)
+class InstructionBounds:
+    """Of one table."""
+
+    reference: int
+    step: int
+    library: int  # beside those of the step
+
+    @classmethod
+    def of(cls, blob: bytes) -> InstructionBounds:
+        """Eqs. (1) and (2)."""
+        kind, number, axes, rows, nodes, points, segments, widest = struct.unpack_from(
+            "<8I", blob, HEADER
+        )
+        law, columns = LAWS[number].name, rows * nodes + 1
+        stored = KINDS[kind]
+        reference = blob_vertices(blob) * (A_VALUE[stored] * columns + 90) + 520 * axes
+        step = A_LAW[law] + 14 * segments + widest * (26 + 13 * -(-rows // 4))
+        is_by_energy = law != "linear_quadratic"
+        return cls(
+            reference=reference + (MAPPED * columns if stored == "int16" else 0),
+            step=step + (11 * math.ceil(math.log2(points)) if is_by_energy else 0),
+            library=LIBRARY if is_by_energy else 0,
+        )
