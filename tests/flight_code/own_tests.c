@@ -148,6 +148,9 @@ static void test_misuse(ampi_guidance *guidance, ampi_table *table, ampi_referen
     ampi_guidance_begin(guidance, table, NULL);
     ampi_guidance_follow(guidance, table, &foreign, NULL);
     expect(guidance->reference.checksum == table->checksum, "foreign reference", 1.0, 0.0);
+    command = ampi_guidance_step(guidance, &shut, 0.0, nowhere, NULL);
+    expect(command.health == AMPI_NOT_BEGUN, "the table shut before a command", (double)command.health, 9.0);
+    expect(command.bank_rate == 0.0, "nothing commanded, nothing held", command.bank_rate, 0.0);
     ampi_guidance_follow(guidance, table, reference, nowhere);
     command = ampi_guidance_step(guidance, table, (double)NAN, nowhere, NULL);
     expect(command.health >= AMPI_BAD_TIME, "no time at the begin", (double)command.health, 7.0);

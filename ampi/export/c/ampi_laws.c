@@ -111,7 +111,7 @@ static double instant_of(const ampi_table *table, const ampi_guidance *guidance,
     inside = clipped(value, along[i], along[i + 1u]);
     ahead = least(begin + (inside - along[i]) * left, end);
     back = most(end - (along[i + 1u] - inside) * right, begin);
-    jumps = (left > 0.0) & (right > 0.0) & !is_left & !is_right;
+    jumps = ((left > 0.0) & (right > 0.0)) & ((!is_left) & (!is_right));
     return chosen(jumps, chosen(w < 0.5, ahead, back),
                   begin + way * w * (slope + (1.0 - w) * ((1.0 - w) * bend - w * other)));
 }
