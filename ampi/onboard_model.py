@@ -8,14 +8,14 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from ampi.correction.onboard_correction import NO_AXIS, Correction
+from ampi.correction.settings import CorrectorSettings
 from ampi.missions.mission import Mission
 from ampi.missions.parameters import at
 from ampi.missions.path_limits import PathLimits
 from ampi.onboard.aerodynamic_forms import AerodynamicForm, NewtonianForm, PolarForm, SplineForm
 from ampi.onboard.certificate import Certifier, Thresholds
 from ampi.onboard.flight_model import Air, AltitudeCurve, FlightModelData, Limits, Schedule
-from ampi.correction.onboard_correction import NO_AXIS, Correction
-from ampi.correction.settings import CorrectorSettings
 from ampi.onboard.flight_numbers import TARGET, UNMOVED, VARIED, FlightNumbers
 from ampi.onboard.segments import Segments
 from ampi.physics.aerodynamics import (

@@ -16,8 +16,8 @@ class CorrectorSettings:
     start: float = 40.0  # s since the entry interface: below, there is next to no air to learn from
     period: float = 5.0  # s between corrections
     last_minute: float = 60.0  # s to go, from which on they come more often
-    last_period: float = 2.5  # s
-    quiet: float = 5.0  # s to go, from which on there is none
+    last_period: float = 1.0  # s
+    quiet: float = 2.0  # s to go, from which on there is none
     change: float = 0.0  # rad, ± of the angle of attack about its schedule; 0: bank alone
     change_rate: float = 0.0873  # rad/s
     lead: float = 0.6  # s, of a command over what it becomes: delay and lag of the actuator
@@ -33,8 +33,8 @@ class CorrectorSettings:
     roughness: float = 1.0  # of a step: second differences of the bank angle
     size: float = 0.05  # of the bank angle
     change_size: float = 20.0  # of the angle of attack
-    plan_roughness: float = 0.02  # the same of the plan itself
-    plan_change: float = 1.0
+    plan_roughness: float = 0.002  # the same of the plan itself
+    plan_change: float = 0.1
     longest_step: float = 0.4  # rad, of a bank angle
     iterations: float = 10
     propagations: float = 200  # flights predicted in one correction, at the most

@@ -12,7 +12,6 @@ from __future__ import annotations
 import struct
 import zlib
 
-
 import numpy as np
 from numpy.typing import NDArray
 
