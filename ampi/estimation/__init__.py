@@ -1,0 +1,1 @@
+"""What is wrong with the model that flies, estimated in flight."""
