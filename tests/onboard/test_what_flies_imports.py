@@ -9,7 +9,7 @@ import sys
 import pytest
 
 GROUND = ("scipy", "casadi", "h5py", "clarabel", "cvxpy", "joblib", "pydantic", "numba")
-FLIES = ("ampi.onboard", "ampi.tracking", "ampi.guidance")
+FLIES = ("ampi.onboard", "ampi.tracking", "ampi.estimation.estimator", "ampi.guidance")
 PARTS = tuple(
     f"onboard.{name}"
     for name in (
@@ -68,6 +68,7 @@ def test_all_of_it_loads_no_other_room() -> None:
     assert rooms == {
         "onboard",
         "tracking",
+        "estimation",
         "guidance",
         "guidance_cycle",
         "compiled_cycle",
