@@ -9,7 +9,10 @@ void ampi_corrector_aim(ampi_corrector *corrector, const double target[4])
 {
     size_t i, known = 0u;
     for (i = 0u; i < 4u; i++) { known += (fabs(target[i]) < AMPI_SANE) ? 1u : 0u; }
-    if (known == 4u) { (void)memcpy(corrector->target, target, sizeof corrector->target); }
+    if (known == 4u) {
+        (void)memcpy(corrector->target, target, sizeof corrector->target);
+        if (corrector->has_plan != 0u) { corrector->next = 0.0; } /* it is corrected at once */
+    }
 }
 
 void ampi_corrector_begin(ampi_corrector *corrector, const ampi_model *model, const ampi_table *table,
