@@ -18,6 +18,7 @@ void ampi_corrector_aim(ampi_corrector *corrector, const double target[4])
 void ampi_corrector_begin(ampi_corrector *corrector, const ampi_model *model, const ampi_table *table,
                           const double *parameters)
 {
+    const bool is_told = (parameters != NULL) && (table->is_open == AMPI_OPEN);
     double target[4];
     size_t i;
     (void)memset(corrector, 0, sizeof *corrector);
@@ -27,7 +28,7 @@ void ampi_corrector_begin(ampi_corrector *corrector, const ampi_model *model, co
     for (i = 0u; i < 4u; i++) {
         const double axis = model->of.target_axis[i];
         target[i] = model->of.target[i];
-        if ((parameters != NULL) && (axis >= 0.0) && (axis < (double)table->n.axes)) {
+        if (is_told && (axis >= 0.0) && (axis < (double)table->n.axes)) {
             const double told = parameters[(size_t)axis];
             target[i] = chosen(fabs(told) < AMPI_SANE, told, target[i]);
         }
@@ -169,7 +170,8 @@ ampi_command ampi_corrected_step(ampi_corrector *corrector, const ampi_model *mo
     const double *felt = (sensed != NULL) ? sensed : NOTHING;
     guidance->is_asked = 0u;
     if ((model->is_open == AMPI_OPEN) && (corrector->is_begun == AMPI_OPEN)
-        && (table->is_open == AMPI_OPEN) && (guidance->is_begun == AMPI_OPEN)) {
+        && (table->is_open == AMPI_OPEN) && (guidance->is_begun == AMPI_OPEN)
+        && (guidance->reference.checksum == table->checksum)) {
         const ampi_model_data *of = &model->of;
         const double passed = time - corrector->time;
         const bool is_state = take_state(corrector, of, guidance, table, time, navigation);

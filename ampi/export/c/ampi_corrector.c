@@ -28,7 +28,8 @@ double ampi_planned(const ampi_plan *plan, size_t first, size_t count, double sp
     const double *value = &plan->value[first];
     const double last = (double)count - 1.0;
     const double place = clipped((plan->fast - speed) / (plan->fast - plan->slow) * last, 0.0, last);
-    const size_t below = (place < last) ? (size_t)place : (count - 2u);
+    const bool is_before = (place >= 0.0) && (place < last); /* not if it is no number */
+    const size_t below = is_before ? (size_t)place : (count - 2u);
     const double share = place - (double)below;
     return value[below] + share * (value[below + 1u] - value[below]);
 }
@@ -80,7 +81,7 @@ static double step_from(const ampi_model_data *model, double time)
 }
 
 /* One Runge-Kutta step. */
-static void advance(const ampi_setting *with, const ampi_plan *plan, const ampi_point *from,
+static void fly_step(const ampi_setting *with, const ampi_plan *plan, const ampi_point *from,
                     ampi_point *to)
 {
     const double h = step_from(with->model, from->time);
@@ -146,7 +147,7 @@ static bool predict(ampi_corrector *corrector, const ampi_setting *with, const a
 
     corrector->propagations += 1u;
     while (flies && (i < most_points)) {
-        advance(with, plan, &here, &next);
+        fly_step(with, plan, &here, &next);
         i += 1u;
         arrives = next.state[SPEED] <= with->target[3];
         flies = (next.state[SPEED] > with->target[3]) && (next.state[ALTITUDE] > 0.0)
@@ -236,7 +237,7 @@ static void set_equations(const ampi_corrector *corrector, const ampi_model_data
 static void solve_free(const ampi_normal_equations *of, const bool *is_free, double *step)
 {
     double lower[AMPI_N_PLAN][AMPI_N_PLAN], solved[AMPI_N_PLAN];
-    size_t at[AMPI_N_PLAN], n = 0u, i, j, k;
+    size_t at[AMPI_N_PLAN] = {0u}, n = 0u, i, j, k;
     for (i = 0u; i < AMPI_N_PLAN; i++) {
         if (is_free[i]) { at[n] = i; n += 1u; }
     }
