@@ -31,7 +31,9 @@ static bool are_increasing(const double *knots, double count)
 {
     bool is_good = true;
     size_t i;
-    for (i = 1u; (double)i < count; i++) { is_good = is_good && (knots[i - 1u] < knots[i]); }
+    for (i = 1u; i < AMPI_MAX_KNOTS; i++) {
+        is_good = is_good && (((double)i >= count) || (knots[i - 1u] < knots[i]));
+    }
     return is_good;
 }
 
@@ -167,7 +169,7 @@ static void coefficients(const ampi_model_data *model, double angle, double mach
         *lift = horner(model->attack, rows, angle * (180.0 / AMPI_PI));
         *drag = horner(model->mach, columns, *lift);
     } else {
-        double left[AMPI_MAX_KNOTS], right[AMPI_MAX_KNOTS];
+        double left[AMPI_MAX_KNOTS] = {0.0}, right[AMPI_MAX_KNOTS] = {0.0};
         basis(model->attack, rows, angle, left);
         basis(model->mach, columns, mach, right);
         *lift = tensor(model->lift, left, rows, right, columns);
