@@ -42,6 +42,7 @@ LINE_TOP = 1e5  # m: an exponential atmosphere is one straight line, within and 
 NOT_FLOWN = (
     ("limits", "bank_acceleration"),
     ("limits", "bank_angle_minimum"),
+    *(("limits", f"angle_of_attack_{part}") for part in ("change", "rate")),
     *(("target", name) for name in ("flight_path_angle", "azimuth")),
     *(("target", f"{name}_tolerance") for name in ("altitude", "speed", "position")),
 )

@@ -27,6 +27,7 @@ def disagreements(mission: MissionSections) -> list[str]:
         ("planet atmosphere vehicle limits entry", _entry_keeps_limits),
         ("planet atmosphere vehicle limits target", _target_keeps_limits),
         ("planet limits entry target no_fly_zone", _zones_are_clear),
+        ("vehicle limits", _lift_keeps_its_sign),
         ("limits guess", _guess_keeps_its_limit),
         ("limits entry", _entry_turns_within_its_limits),
     ):
@@ -155,6 +156,16 @@ def _entry_turns_within_its_limits(mission: MissionSections) -> Iterator[str]:
                 f"entry.{name}: expected at most limits.{name} ({limit / u.DEGREE:.4g} in degrees) in "
                 f"size, got {value / u.DEGREE:.4g}"
             )
+
+
+def _lift_keeps_its_sign(mission: MissionSections) -> Iterator[str]:
+    schedule, change = mission.vehicle.angle_of_attack, mission.limits.angle_of_attack_change
+    least = min(schedule.start_angle, schedule.end_angle)
+    if change is not None and change >= least:
+        yield (
+            "limits.angle_of_attack_change: expected less than the least angle of attack scheduled "
+            f"({least / u.DEGREE:.4g}°), got {change / u.DEGREE:.4g}°"
+        )
 
 
 def _guess_keeps_its_limit(mission: MissionSections) -> Iterator[str]:

@@ -102,6 +102,9 @@ Margin = Annotated[float, Field(strict=True, ge=0, lt=1)]
 class LimitsSection(Section):
     """Bank angle, rate and acceleration (±), the three path constraints of Eq. (4), a drag floor.
 
+    A change of the angle of attack (±, on the schedule's) and its rate (±) are what guidance may use beside
+    the bank angle; absent, it flies by bank alone. No optimum uses them.
+
     Load factor and drag floor are counted in the planet's g₀ (`PlanetSection`).
 
     The drag floor (Liu 2015, Eq. 73) holds where the speed is below `drag_floor_speed`. A margin is the
@@ -112,6 +115,8 @@ class LimitsSection(Section):
     bank_angle_minimum: u.Angle = Field(default=0.0, ge=0, lt=0.5 * np.pi)  # of |σ|
     bank_rate: u.AngularRate = Field(gt=0)
     bank_acceleration: u.AngularAcceleration = Field(gt=0)
+    angle_of_attack_change: u.Angle | None = Field(default=None, gt=0, lt=0.5 * np.pi)
+    angle_of_attack_rate: u.AngularRate | None = Field(default=None, gt=0)
     dynamic_pressure: u.Pressure = Field(gt=0)
     heat_flux: u.HeatFlux = Field(gt=0)
     load_factor: u.LoadFactor = Field(gt=0)
@@ -136,8 +141,12 @@ class LimitsSection(Section):
         return value * self.share(limit)
 
     @model_validator(mode="after")
-    def _floor_is_complete(self) -> LimitsSection:
+    def _pairs_are_complete(self) -> LimitsSection:
         found = []
+        if (self.angle_of_attack_change is None) != (self.angle_of_attack_rate is None):
+            found.append(
+                "angle_of_attack_change_deg and angle_of_attack_rate_deg_per_s: expected both or neither"
+            )
         if (self.drag_floor is None) != (self.drag_floor_speed is None):
             found.append("drag_floor_g and drag_floor_speed_m_per_s: expected both or neither")
         if self.bank_angle_minimum >= self.bank_angle:

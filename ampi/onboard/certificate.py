@@ -239,4 +239,4 @@ class Certifier:
 
 def _at_points(factors: Factors) -> Factors:
     """Those of n flights (n,) for their states (7, n, points)."""
-    return Factors(*(np.asarray(factor)[..., None] for factor in factors))
+    return Factors(*(factor[..., None] if np.ndim(factor) else factor for factor in factors))

@@ -2,6 +2,9 @@
 
     rates(x, u, t) = ẋ,   x = (h, θ, φ, V, γ, ψ, σ),   u = σ̇                       Sagliano 2016, Eq. (2)
 
+The air moves with the planet or blows (ampi/onboard/wind.py). The bank angle is about the velocity
+through it; the schedule of the angle of attack goes by the speed over the ground.
+
 No physics is imported: what flies stands by itself. The forms are those of `ampi.physics` with the same
 coefficients, not tables drawn from them, so that both agree to rounding; a test holds them together.
 
@@ -23,6 +26,7 @@ from numpy.typing import NDArray
 
 from ampi.onboard.aerodynamic_forms import AerodynamicForm
 from ampi.onboard.row_layout import LINEAR_TRACKING, STATES
+from ampi.onboard.wind import AirVelocity, Track
 
 Array = NDArray[np.float64]
 
@@ -131,21 +135,35 @@ class Limits:
 
 
 class Factors(NamedTuple):
-    """On the model's density, lift and drag coefficients and mass; numbers, or arrays over flights."""
+    """What differs from the model: factors on density, lift, drag and mass; wind; angle of attack.
+
+    Numbers, or arrays over flights. The numbers 0 as wind are still air; arrays of zeros are wind, so
+    that no flight's last digits depend on whether the wind blows for another.
+    """
 
     density: Any = 1.0
     lift: Any = 1.0
     drag: Any = 1.0
     mass: Any = 1.0
+    wind_east: Any = 0.0  # m/s, towards
+    wind_north: Any = 0.0
+    angle_of_attack: Any = 0.0  # rad, on the schedule's
+
+    @property
+    def is_still(self) -> bool:
+        """Whether no wind is given."""
+        winds = (self.wind_east, self.wind_north)
+        return all(np.ndim(wind) == 0 and wind == 0.0 for wind in winds)
 
 
 class AirLoads(NamedTuple):
-    """Lift and drag (m/s²), density (kg/m³), angle of attack (rad)."""
+    """Lift and drag (m/s²), density (kg/m³), angle of attack (rad), speed through the air (m/s)."""
 
     lift: Any
     drag: Any
     density: Any
     angle_of_attack: Any
+    speed: Any
 
 
 NOMINAL = Factors()
@@ -174,23 +192,46 @@ class FlightModelData:
 
     def air_loads(self, state: Array, time: Any, factors: Factors = NOMINAL) -> AirLoads:
         """Of `state` (7, …) at `time` (s)."""
-        speed = state[SPEED]
+        return self._air_loads(state, time, factors, _through_air(state, factors))
+
+    def _air_loads(
+        self, state: Array, time: Any, factors: Factors, through_air: AirVelocity | None
+    ) -> AirLoads:
+        speed = state[SPEED] if through_air is None else through_air.speed
         density = factors.density * self.air.density(state[ALTITUDE])
-        angle = self.angle_of_attack(time, speed)
+        angle = self.angle_of_attack(time, state[SPEED]) + factors.angle_of_attack
         needs_mach = self.aerodynamics.needs_mach
         mach = speed / self.air.speed_of_sound(state[ALTITUDE]) if needs_mach else None
         lift, drag = self.aerodynamics.coefficients(angle, mach)
         pressure = 0.5 * density * speed * speed * (self.reference_area / self.mass / factors.mass)
         lift = pressure * (self.lift_factor * factors.lift * lift)
         drag = pressure * (self.drag_factor * factors.drag * drag)
-        return AirLoads(lift, drag, density, angle)
+        return AirLoads(lift, drag, density, angle, speed)
+
+    def sensed(self, state: Array, time: Any, factors: Factors = NOMINAL) -> tuple[Any, Any, Any]:
+        """What an ideal accelerometer senses (m/s²) at `state` (7, …) and `time` (s).
+
+        Components along the velocity over the ground, normal to it in the vertical plane and upwards,
+        and horizontally to its right; in still air (−D, L cos σ, L sin σ).
+        """
+        sin_bank, cos_bank = np.sin(state[BANK]), np.cos(state[BANK])
+        through_air = _through_air(state, factors)
+        air = self._air_loads(state, time, factors, through_air)
+        if through_air is None:
+            return -air.drag, air.lift * cos_bank, air.lift * sin_bank
+        return through_air.along_the_track(air.drag, air.lift * cos_bank, air.lift * sin_bank)
 
     def rates(self, state: Array, bank_rate: Any, time: Any, factors: Factors = NOMINAL) -> Array:
         """ẋ (7, …) of `state` (7, …) under `bank_rate` (rad/s) at `time` (s)."""
         altitude, speed = state[ALTITUDE], state[SPEED]
         (sin_lat, sin_fpa, sin_azi, sin_bank) = np.sin(state[ANGLES])
         (cos_lat, cos_fpa, cos_azi, cos_bank) = np.cos(state[ANGLES])
-        air = self.air_loads(state, time, factors)
+        track = Track(sin_fpa, cos_fpa, sin_azi, cos_azi)
+        through_air = _through_air(state, factors, track)
+        air = self._air_loads(state, time, factors, through_air)
+        along, up, right = -air.drag, air.lift * cos_bank, air.lift * sin_bank
+        if through_air is not None:
+            along, up, right = through_air.along_the_track(air.drag, up, right)
         radius = self.equatorial_radius + altitude
         g = self._gravity(radius, sin_lat)
         omega = self.rotation_rate
@@ -201,16 +242,16 @@ class FlightModelData:
         found[LONGITUDE] = turning * sin_azi / cos_lat
         found[LATITUDE] = turning * cos_azi
         found[SPEED] = (
-            centrifugal * (sin_fpa * cos_lat - cos_fpa * sin_lat * cos_azi) - air.drag - g * sin_fpa
+            centrifugal * (sin_fpa * cos_lat - cos_fpa * sin_lat * cos_azi) + along - g * sin_fpa
         )
         found[PATH_ANGLE] = (
-            air.lift * cos_bank / speed
+            up / speed
             + (speed / radius - g / speed) * cos_fpa
             + 2.0 * omega * cos_lat * sin_azi
             + centrifugal / speed * (cos_fpa * cos_lat + sin_fpa * sin_lat * cos_azi)
         )
         found[AZIMUTH] = (
-            air.lift * sin_bank / level
+            right / level
             + turning * sin_azi * sin_lat / cos_lat
             - 2.0 * omega * (sin_fpa / cos_fpa * cos_lat * cos_azi - sin_lat)
             + centrifugal / level * sin_lat * sin_azi
@@ -226,17 +267,17 @@ class FlightModelData:
 
     def loads(self, state: Array, time: Any, factors: Factors = NOMINAL) -> tuple[Any, Any, Any]:
         """(q in Pa, Q̇ in W/m², n in g) at `state` (7, …) and `time` (s), Sagliano 2016, Eq. (4)."""
-        return self._loads(state[SPEED], self.air_loads(state, time, factors))
+        return self._loads(self.air_loads(state, time, factors))
 
-    def _loads(self, speed: Any, air: AirLoads) -> tuple[Any, Any, Any]:
+    def _loads(self, air: AirLoads) -> tuple[Any, Any, Any]:
         heat_flux = self.heat_flux_constant * np.sqrt(air.density)
-        heat_flux = heat_flux * speed**self.heat_flux_speed_exponent
+        heat_flux = heat_flux * air.speed**self.heat_flux_speed_exponent
         if self.load_factor_is_total:
             load = np.sqrt(air.lift * air.lift + air.drag * air.drag)
         else:
             angle = air.angle_of_attack
             load = np.abs(air.lift * np.cos(angle) + air.drag * np.sin(angle))
-        return 0.5 * air.density * speed * speed, heat_flux, load / self.load_factor_gravity
+        return 0.5 * air.density * air.speed * air.speed, heat_flux, load / self.load_factor_gravity
 
     def limit_use(
         self,
@@ -250,13 +291,23 @@ class FlightModelData:
         own, speed = limits or self.limits, state[SPEED]
         air = self.air_loads(state, time, factors)
         bounds = (own.dynamic_pressure, own.heat_flux, own.load_factor)
-        use = [load / most for load, most in zip(self._loads(speed, air), bounds, strict=True)]
+        use = [load / most for load, most in zip(self._loads(air), bounds, strict=True)]
         if own.drag_floor is not None:
             least, fastest = own.drag_floor
             use.append((speed <= fastest) * (2.0 - air.drag / least))
         use += [_zone_use(state, zone) for zone in own.no_fly_zones]
         use += [np.abs(state[BANK]) / own.bank_angle, np.abs(bank_rate) / own.bank_rate]
         return np.stack(np.broadcast_arrays(*use))
+
+
+def _through_air(
+    state: Array, factors: Factors, track: Track | None = None
+) -> AirVelocity | None:
+    """The velocity through the air; None: that over the ground."""
+    if factors.is_still:
+        return None
+    winds = factors.wind_east, factors.wind_north
+    return AirVelocity.of(state[SPEED], track or Track.of(state[PATH_ANGLE], state[AZIMUTH]), winds)
 
 
 def _zone_use(state: Array, zone: tuple[float, float, float]) -> Any:

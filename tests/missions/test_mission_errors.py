@@ -67,6 +67,24 @@ FAULTS = {
         ("[grid] # [S]", ZONE.format(longitude=315.0, latitude=66.0) + "[grid] # [S]"),
         "no_fly_zone 1: expected the target outside the zone, got it 56 km from the centre of a ",
     ),
+    "a change of the angle of attack that takes all of it": (
+        ("angle_of_attack_change_deg = 4.5", "angle_of_attack_change_deg = 17.5"),
+        "limits.angle_of_attack_change: expected less than the least angle of attack scheduled "
+        "(17.5°), got 17.5°",
+    ),
+    "a change of the angle of attack that changes nothing": (
+        ("angle_of_attack_change_deg = 4.5", "angle_of_attack_change_deg = 0.0"),
+        "limits.angle_of_attack_change: Input should be greater than 0 (got 0 deg)",
+    ),
+    "a change of the angle of attack without a rate": (
+        ("angle_of_attack_rate_deg_per_s = 5.0", ""),
+        "limits: angle_of_attack_change_deg and angle_of_attack_rate_deg_per_s: expected both or "
+        "neither",
+    ),
+    "a rate of the angle of attack that is none": (
+        ("angle_of_attack_rate_deg_per_s = 5.0", "angle_of_attack_rate_deg_per_s = -5.0"),
+        "limits.angle_of_attack_rate: Input should be greater than 0 (got -5 deg/s)",
+    ),
     "a guess that banks too far, on another turn": (
         ("bank_angle_deg = 30.0", "bank_angle_deg = 290.0"),
         "guess.bank_angle: expected at most limits.bank_angle (60°) in size, got -70°",

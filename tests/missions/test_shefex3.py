@@ -160,6 +160,8 @@ def test_control_limits_of_table_2(mission: Mission) -> None:
     assert limits.bank_angle == pytest.approx(60.0 * DEGREE)
     assert limits.bank_rate == pytest.approx(5.0 * DEGREE)
     assert limits.bank_acceleration == pytest.approx(4.0 * DEGREE)
+    assert limits.angle_of_attack_rate == pytest.approx(5.0 * DEGREE)
+    assert limits.angle_of_attack_change == pytest.approx(4.5 * DEGREE)
     assert schedule.variable == "time"
     assert (schedule.start, schedule.end) == (58.0, 88.0)
     assert schedule.start_angle == pytest.approx(42.0 * DEGREE)
