@@ -206,7 +206,7 @@ class Guidance:
             self._flown.set(i, self._generator.nodal(p))
         self._flown.rewind()
         self._follow(told)
-        self.reset()
+        self._cycle.begin(told)
 
     def follow(self, reference: Reference | Sequence[Reference]) -> None:
         """Fly these references from the next step on, one for each flight; the clock goes on."""
@@ -228,7 +228,7 @@ class Guidance:
     def _cycle_of(self, flown: FlownReferences) -> GuidanceCycle | CompiledCycle:
         if self.engine == NATIVE:
             return CompiledCycle(flown, self.opened, self._opened_model)
-        return GuidanceCycle(flown, self.law, self._stated_cycle)
+        return GuidanceCycle(flown, self.law, self._stated_cycle, self.correction)
 
     @cached_property
     def opened(self) -> Any:
