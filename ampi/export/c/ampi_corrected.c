@@ -77,6 +77,9 @@ static bool take_state(ampi_corrector *corrector, const ampi_model_data *model,
         (void)memcpy(corrector->state, told, sizeof corrector->state);
         corrector->state[LONGITUDE] = on_turn_of(told[LONGITUDE], corrector->target[1]);
         corrector->state[BANK] = ampi_bank_angle(guidance, table, told[BANK]);
+        if (!(fabs(corrector->state[BANK]) < AMPI_SANE)) { /* before the reference has been looked up */
+            corrector->state[BANK] = on_turn_of(told[BANK], 0.0);
+        }
         corrector->lost_since = AMPI_NAN;
     } else if (passed > 0.0) {
         const double *state = corrector->state;
@@ -175,6 +178,9 @@ ampi_command ampi_corrected_step(ampi_corrector *corrector, const ampi_model *mo
             const double unsure = 0.5 * fabs(corrector->commanded - corrector->change);
             ampi_estimate_update(&corrector->estimate, of, time, corrector->state, felt,
                                  corrector->change, unsure);
+        } else {
+            corrector->estimate.nis = AMPI_NAN;
+            corrector->estimate.unusable += 1u;
         }
         correct_in_time(corrector, of, guidance, table, is_state);
         if (corrector->has_plan != 0u) { ask(corrector, of, guidance); }

@@ -298,7 +298,8 @@ static void set_step(const ampi_corrector *corrector, const ampi_setting *with,
     }
 }
 
-/* The first point from which the value i of the plan makes a difference. */
+/* A point from which on the value i of the plan may make a difference: a step before the one that comes
+   to its speeds, as the stages of a step may be slower than both its points. */
 static size_t first_point(const ampi_corrector *corrector, size_t i)
 {
     const bool is_bank = i < AMPI_N_BANKS;
@@ -308,7 +309,7 @@ static size_t first_point(const ampi_corrector *corrector, size_t i)
     const double fast = corrector->plan.fast - ((double)own - 1.0) * way;
     size_t at = 0u;
     while (((at + 2u) < corrector->points) && (corrector->path[at + 1u].speed > fast)) { at += 1u; }
-    return (own < 2u) ? 0u : at;
+    return ((own < 2u) || (at == 0u)) ? 0u : (at - 1u);
 }
 
 static void set_jacobian(ampi_corrector *corrector, const ampi_setting *with, const double *missed)
@@ -367,6 +368,7 @@ static bool improve(ampi_corrector *corrector, const ampi_setting *with, double 
     ampi_normal_equations equations;
     size_t tries;
     for (tries = 0u; (tries < REJECTIONS) && (corrector->propagations < budget); tries++) {
+        const double to_go = corrector->to_go;
         double step[AMPI_N_PLAN], moved[AMPI_N_MISSED], found = NEVER;
         size_t i;
         set_equations(corrector, with->model, missed, *lambda, &equations);
@@ -386,6 +388,7 @@ static bool improve(ampi_corrector *corrector, const ampi_setting *with, double 
             *lambda *= 0.1;
             return true;
         }
+        corrector->to_go = to_go; /* of the plan, not of the trial */
         *lambda *= 10.0;
     }
     return false;
