@@ -1,7 +1,7 @@
 """One cycle of the flight software in numpy, for n flights of one clock.
 
-clock → look-up → plausibility → law → limiter. ampi/export/c/ampi_step.c is the same in C. Where a plan is
-corrected in flight (ampi/correction), what it asks for takes the place of what the law does.
+clock → look-up → plausibility → law → limiter. ampi/export/c/ampi_step.c is the same in C. Where a plan
+is corrected in flight (ampi/correction), what it asks for takes the place of what the law does.
 """
 
 from __future__ import annotations

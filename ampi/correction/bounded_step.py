@@ -5,9 +5,9 @@
 for n flights at once, (18, 18) each. A is positive definite. An active set of a few rounds: what stands
 at a bound and is pushed outwards is held; the rest is solved by Cholesky's method; what then leaves its
 bounds is held there, and the rest solved anew. Nothing is let go within a step, the next one begins
-anew: that finds the optimum of (1) where the first round holds what the optimum holds and a few more
-rounds add to it, which is mostly so, and a feasible step otherwise, which the corrector judges by the true
-flight. Those who are done wait for the others.
+anew. Mostly that is the optimum of (1); where a value that was held should have been let go it is a
+feasible step that is nearly as good. The corrector judges it by the flight in either case. Flights that
+are done wait for the others.
 
 Source: own; projected active sets: Bertsekas, "Projected Newton methods", SIAM J. Control 20, 1982.
 """

@@ -2,10 +2,10 @@
 
     state taken, or dead reckoned → estimate → correction, when it is due → what is asked for
 
-ampi/export/c/ampi_corrected.c is the same in C. The first plan is laid on the reference, over the equivalent
-speed, when the first correction is due; before that nothing is asked for, and the law tracks the
-reference. From then on plans are corrected every few seconds, more often in the last minute, and not in
-the last seconds, when no plan can change much. Without navigation the state is carried on by the
+ampi/export/c/ampi_corrected.c is the same in C. The first plan is laid on the reference, over the
+equivalent speed, when the first correction is due; before that nothing is asked for, and the law tracks
+the reference. From then on plans are corrected every few seconds, more often in the last minute, and not
+in the last seconds, when no plan can change much. Without navigation the state is carried on by the
 estimated model, and no plan is changed.
 
 What is asked for leads what it becomes: with v̇ of the estimated model, from Eq. (1) of plan.py
@@ -129,7 +129,7 @@ class CorrectedCycle:
     def _take(self, time: float, told: Array, passed: float, known: Known) -> Mask:
         """The states as they are navigated, or dead reckoned. Which are navigated."""
         is_known = abs(time) < SANE
-        is_state = ~np.isnan(told).any(axis=0) & is_known
+        is_state: Mask = ~np.isnan(told).any(axis=0) & np.array(is_known)
         if not is_state.all() and passed > 0.0:
             carried = self._state.copy()
             carried[:BANK] += min(passed, LONGEST) * self._rates(carried)
@@ -184,7 +184,9 @@ class CorrectedCycle:
         flown, begin = self._flown, self._time
         rows = [
             flown.table.segments.at(
-                flown.final_time, flown.nodal, begin + i / (SAMPLES - 1.0) * (flown.final_time - begin)
+                flown.final_time,
+                flown.nodal,
+                begin + i / (SAMPLES - 1.0) * (flown.final_time - begin),
             )
             for i in range(SAMPLES)
         ]

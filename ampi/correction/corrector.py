@@ -4,9 +4,9 @@ A plan p has a miss and excesses of the path limits e(p) (prediction.py). It is 
 
     f(p) = ½ ‖W e(p)‖² + ½ pᵀ P p,                                                              (1)
 
-P the square sum of the second differences of the bank angles and of the changes of the angle of attack: where
-the target leaves a choice, the plan is smooth, and near the schedule. With the Jacobian J by one-sided
-differences, towards the inside of the bounds, Levenberg's and Marquardt's method has the step
+P the square sum of the second differences of the bank angles, and of the changes of the angle of attack:
+where the target leaves a choice, the plan is smooth, and near the schedule. With the Jacobian J by
+one-sided differences, towards the inside of the bounds, Levenberg's and Marquardt's method has the step
 
     (Jᵀ W² J + P + λ D) d = −(Jᵀ W² e + P p),   −B ≤ p + d ≤ B,                                  (2)
 
@@ -83,6 +83,15 @@ class _Outlook(NamedTuple):
     missed: Array  # (6, n)
     jacobian: Array  # (6, 18, n)
     to_go: Array  # (n,)
+
+    def of(self, flights: NDArray[np.intp]) -> _Outlook:
+        """That of some flights."""
+        return _Outlook(
+            self.arrives[flights],
+            self.missed[:, flights],
+            self.jacobian[..., flights],
+            self.to_go[flights],
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -208,9 +217,8 @@ class _Work:
         """One step of each flight that goes on."""
         at, own = np.flatnonzero(self._goes_on), self._own
         plans, where = self._plans.of(at), self._where.of(at)
-        before = _Outlook(*(part[..., at] for part in self._seen))
         bound = own.bound(where)
-        values = plans.values + own.step(plans, before, self._damping[at], where)
+        values = plans.values + own.step(plans, self._seen.of(at), self._damping[at], where)
         trial = plans.with_values(np.minimum(np.maximum(values, -bound), bound))
         seen = own.outlook(trial, where)
         cost = np.where(seen.arrives, own.cost(seen.missed, trial.values), np.inf)

@@ -11,9 +11,9 @@ laid, to V_f, and held beyond,
 
     u(v) = (1 − s) p_k + s p_{k+1},   k + s = m (v_0 − v)/(v_0 − V_f).                       (2)
 
-As the flight goes on, the plan is laid anew on what is left of it: its new values are those of (2) at the
-new spacing, so that the corrections always have all values for the rest of the flight. Between two of
-its own kinks that cuts a corner; a plan that has been laid anew where it began is the same.
+As the flight goes on, the plan is laid anew on what is left of it: its new values are those of (2) at
+the new spacing, so that the corrections always have all values for the rest of the flight. That cuts
+the corners between the new values; laid anew where it began, a plan is the same.
 
 Source: own; energy as the independent variable of entry guidance: Lu 2014.
 """
@@ -82,7 +82,9 @@ class Plans:
         """The same plans laid on what is left: from `fast` to `slow` (n,), m/s."""
         fast = np.maximum(fast, slow + SHORTEST)
         banks = [self.bank(fast - i / (N_BANKS - 1.0) * (fast - slow)) for i in range(N_BANKS)]
-        changes = [self.change(fast - i / (N_ANGLES - 1.0) * (fast - slow)) for i in range(N_ANGLES)]
+        changes = [
+            self.change(fast - i / (N_ANGLES - 1.0) * (fast - slow)) for i in range(N_ANGLES)
+        ]
         return Plans(fast, slow, np.stack([*banks, *changes]))
 
     def of(self, flights: NDArray[np.intp]) -> Plans:
@@ -96,9 +98,7 @@ class Plans:
         return Plans(self.fast, self.slow, values)
 
 
-def plans_through(
-    speed: Array, bank: Array, fast: Array, slow: Array, most_bank: Array
-) -> Plans:
+def plans_through(speed: Array, bank: Array, fast: Array, slow: Array, most_bank: Array) -> Plans:
     """Plans from `fast` to `slow` (n,) that fly what is sampled, the angle of attack as scheduled.
 
     Parameters

@@ -1,9 +1,9 @@
 """Where plans lead: flights of the estimated model, to the speed at which they are to end.
 
-The state (h, θ, φ, V, γ, ψ) follows the equations of motion (ampi/onboard/flight_model.py) with the factors,
-the wind and the error of the angle of attack that the estimate says at each altitude. The controls are
-no states: bank angle σ and change δα of the angle of attack are those of the plan at the equivalent speed,
-as far as the vehicle can follow from where they were at the begin of a step,
+The state (h, θ, φ, V, γ, ψ) follows the equations of motion (ampi/onboard/flight_model.py) with the
+factors, the wind and the error of the angle of attack that the estimate says at each altitude. The
+controls are no states: bank angle σ and change δα of the angle of attack are those of the plan at the
+equivalent speed, as far as the vehicle can follow from where they were at the begin of a step,
 
     σ(t_i + τ) = clip(plan(v), σ_i ± σ̇_max τ),    δα alike.                                    (1)
 
@@ -11,8 +11,8 @@ Runge and Kutta's method of order four goes in steps of 4 s, shorter only to mee
 schedule of the angle of attack over time. All flights and all their plans have one clock, hence the
 same steps, and are one array: the state axis first, then the plans of a flight, the flights last.
 
-Between the last two points V and the position are cubics y(w) with the rates of both (Hermite); bisection
-finds w with V(w) = V_f, which gives the miss
+Between the last two points V and the position are cubics y(w) with the rates of both (Hermite);
+bisection finds w with V(w) = V_f, which gives the miss
 
     e = (R cos φ_f (θ − θ_f), R (φ − φ_f), h − h_f).                                               (2)
 
@@ -130,11 +130,10 @@ class Predictor:
             if (flying & over).any():
                 ends.note(flights, flying & slow, here, there)
                 flying &= ~over
-            going = flying.any(axis=0)
-            if not going.any():
+            kept = np.flatnonzero(flying.any(axis=0))
+            if len(kept) == 0:
                 break
-            if 2 * going.sum() < len(going):
-                kept = np.flatnonzero(going)
+            if 2 * len(kept) < len(flights):
                 plans, where, flights = plans.of(kept), where.of(kept), flights[kept]
                 flying = flying[:, kept]
                 there = there._replace(

@@ -102,8 +102,8 @@ Margin = Annotated[float, Field(strict=True, ge=0, lt=1)]
 class LimitsSection(Section):
     """Bank angle, rate and acceleration (±), the three path constraints of Eq. (4), a drag floor.
 
-    A change of the angle of attack (±, on the schedule's) and its rate (±) are what guidance may use beside
-    the bank angle; absent, it flies by bank alone. No optimum uses them.
+    A change of the angle of attack (±, on the schedule's) and its rate (±) are what guidance may use
+    beside the bank angle; absent, it flies by bank alone. No optimum uses them.
 
     Load factor and drag floor are counted in the planet's g₀ (`PlanetSection`).
 

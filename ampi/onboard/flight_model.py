@@ -312,9 +312,7 @@ class FlightModelData:
         return np.stack(np.broadcast_arrays(*use))
 
 
-def _through_air(
-    state: Array, factors: Factors, track: Track | None = None
-) -> AirVelocity | None:
+def _through_air(state: Array, factors: Factors, track: Track | None = None) -> AirVelocity | None:
     """The velocity through the air; None: that over the ground."""
     if factors.is_still:
         return None

@@ -1,4 +1,4 @@
-"""Wind, horizontal motion of the air over the ground, as ampi/physics/wind.py, whose equations these are.
+"""Wind, horizontal motion of the air over the ground: the equations of ampi/physics/wind.py.
 
 What flies stands by itself; a test holds both together.
 """
