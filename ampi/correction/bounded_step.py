@@ -72,5 +72,6 @@ def _solved(matrix: Array, right: Array, held: Mask, step: Array) -> Array:
         found[i] = found[i] / lower[i, i]
         found[i + 1 :] -= below * found[i]
     for i in reversed(range(size)):
-        found[i] = (found[i] - (lower[i + 1 :, i] * found[i + 1 :]).sum(axis=0)) / lower[i, i]
+        found[i] = found[i] / lower[i, i]
+        found[:i] -= lower[i, :i] * found[i]
     return found

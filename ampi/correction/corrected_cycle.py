@@ -225,7 +225,7 @@ class CorrectedCycle:
         gravity = self.correction.model.load_factor_gravity
         speed = self._predictor.speed(self._target, state)
         falls = state[SPEED] * rates[SPEED] + gravity * rates[ALTITUDE]
-        ahead = speed + own.lead * falls / np.maximum(speed, 1.0)
+        ahead = speed + own.lead * (falls / np.maximum(speed, 1.0))
         bank, most = self.plans.bank(speed), own.change_rate * known.cycle
         then, change = self.plans.both(ahead)
         rate = (then - bank) / own.lead + own.stiffness * (bank - state[BANK])

@@ -45,6 +45,7 @@ Mask = NDArray[np.bool_]
 
 REJECTIONS = 6  # of one step, at the most
 GAIN = 0.98  # of the cost: a step that leaves more of it is the last
+STENCIL = np.array([1.0, -2.0, 1.0])  # of a second difference
 DIFFERENCES = np.repeat([0.01, 0.003], [N_BANKS, N_PLAN - N_BANKS])[:, None]  # rad
 
 
@@ -112,28 +113,6 @@ class Corrector:
         single = [own.position_weight] * 2 + [own.altitude_weight] + [own.limit_weight] * 3
         return np.square(single)[:, None]
 
-    @cached_property
-    def _bends(self) -> Array:
-        """Sum of squares of the second differences of the bank angles, (18, 18)."""
-        differences = np.zeros((N_BANKS - 2, N_PLAN))
-        for i, row in enumerate(differences):
-            row[i : i + 3] = 1.0, -2.0, 1.0
-        return np.asarray(differences.T @ differences)
-
-    @cached_property
-    def _plan_form(self) -> Array:
-        """P."""
-        own = self.settings
-        size = np.where(np.arange(N_PLAN) < N_BANKS, 0.0, own.plan_change)
-        return np.asarray(own.plan_roughness * self._bends + np.diag(size))
-
-    @cached_property
-    def _damping(self) -> Array:
-        """D."""
-        own = self.settings
-        size = np.where(np.arange(N_PLAN) < N_BANKS, own.size, own.change_size)
-        return np.asarray(own.roughness * self._bends + np.diag(size))
-
     @property
     def n_varied(self) -> int:
         """Values of a plan that may change: without a change of the angle of attack the bank angles."""
@@ -147,8 +126,7 @@ class Corrector:
 
     def cost(self, missed: Array, values: Array) -> Array:
         """Eq. (1), (n,), of misses (6, n) and plans (18, n)."""
-        bends = values[: N_BANKS - 2] - 2.0 * values[1 : N_BANKS - 1] + values[2:N_BANKS]
-        own = self.settings
+        own, bends = self.settings, second_differences(values)
         of_plan = own.plan_roughness * np.square(bends).sum(axis=0)
         of_plan += own.plan_change * np.square(values[CHANGES]).sum(axis=0)
         return np.asarray(0.5 * ((self.weight * np.square(missed)).sum(axis=0) + of_plan))
@@ -172,12 +150,28 @@ class Corrector:
         jacobian[:, :varied] = np.where(found.arrives[1:], slopes, 0.0)
         return _Outlook(found.arrives[0], missed, jacobian, found.to_go[0])
 
+    def equations(self, values: Array, seen: _Outlook, damping: Array) -> tuple[Array, Array]:
+        """Matrix (18, 18, n) and right side (18, n) of Eq. (2), summed in the order of the C."""
+        own, n = self.settings, len(damping)
+        matrix, right = np.zeros((N_PLAN, N_PLAN, n)), np.zeros((N_PLAN, n))
+        for slopes, missed, weight in zip(seen.jacobian, seen.missed, self.weight, strict=True):
+            weighted = weight * slopes
+            right -= weighted * missed
+            matrix += weighted[:, None] * slopes
+        bends = own.plan_roughness * second_differences(values)
+        stiffness = own.plan_roughness + damping * own.roughness
+        for i, bend in enumerate(bends):
+            right[i : i + 3] -= STENCIL[:, None] * bend
+            matrix[i : i + 3, i : i + 3] += np.multiply.outer(np.outer(STENCIL, STENCIL), stiffness)
+        right[CHANGES] -= own.plan_change * values[CHANGES]
+        sizes = np.einsum("iin->in", matrix)
+        sizes[:N_BANKS] += damping * own.size
+        sizes[CHANGES] += own.plan_change + damping * own.change_size
+        return matrix, right
+
     def step(self, plans: Plans, seen: _Outlook, damping: Array, where: Situation) -> Array:
         """d of Eq. (2) (18, n), no bank angle by more than the longest step; `damping` is λ (n,)."""
-        weighted = self.weight[:, None] * seen.jacobian
-        matrix = np.einsum("kin,kjn->ijn", weighted, seen.jacobian)
-        matrix += self._plan_form[:, :, None] + self._damping[:, :, None] * damping
-        right = np.einsum("kin,kn->in", -weighted, seen.missed) - self._plan_form @ plans.values
+        matrix, right = self.equations(plans.values, seen, damping)
         step = bounded_step(matrix, right, plans.values, self.bound(where))
         size = np.abs(step[:N_BANKS]).max(axis=0)
         longest = self.settings.longest_step
@@ -190,6 +184,13 @@ class Corrector:
         while work.go_on():
             work.try_steps()
         return work.corrected()
+
+
+def second_differences(values: Array) -> Array:
+    """Of the bank angles of plans (18, n): (11, n)."""
+    return np.asarray(
+        values[: N_BANKS - 2] - 2.0 * values[1 : N_BANKS - 1] + values[2:N_BANKS]
+    )
 
 
 class _Work:

@@ -86,7 +86,7 @@ static bool take_state(ampi_corrector *corrector, const ampi_model_data *model,
         const ampi_angles angles = ampi_angles_of(state);
         const ampi_factors factors = ampi_factors_at(&corrector->estimate, model, state[ALTITUDE]);
         const double angle = ampi_scheduled_angle(model, corrector->time, state[SPEED])
-                             + corrector->change + factors.angle;
+                             + (factors.angle + corrector->change);
         const ampi_air air = ampi_air_at(model, &factors, state, &angles, angle);
         double rates[6];
         ampi_rates(model, state, &angles, &air, rates);
@@ -142,8 +142,8 @@ static void ask(const ampi_corrector *corrector, const ampi_model_data *model, a
     const double *state = corrector->state;
     const ampi_angles angles = ampi_angles_of(state);
     const ampi_factors factors = ampi_factors_at(&corrector->estimate, model, state[ALTITUDE]);
-    const double angle = ampi_scheduled_angle(model, corrector->time, state[SPEED]) + corrector->change
-                         + factors.angle;
+    const double angle = ampi_scheduled_angle(model, corrector->time, state[SPEED])
+                         + (factors.angle + corrector->change);
     const ampi_air air = ampi_air_at(model, &factors, state, &angles, angle);
     const double speed = ampi_equivalent_speed(model, corrector->target, state);
     const double lead = model->corrector.lead;

@@ -51,7 +51,7 @@ static ampi_air rates_at(const ampi_setting *with, const double *state, double t
     const ampi_factors factors = ampi_factors_at(with->estimate, with->model, state[ALTITUDE]);
     const double angle = ampi_scheduled_angle(with->model, time, state[SPEED]);
     const ampi_air air =
-        ampi_air_at(with->model, &factors, state, &angles, angle + state[CHANGE] + factors.angle);
+        ampi_air_at(with->model, &factors, state, &angles, angle + (factors.angle + state[CHANGE]));
     ampi_rates(with->model, state, &angles, &air, rates);
     return air;
 }
@@ -108,9 +108,10 @@ static void advance(const ampi_setting *with, const ampi_plan *plan, const ampi_
 /* Cubic through two points, a share w of the way. */
 static double between(const ampi_point *from, const ampi_point *to, size_t row, double w)
 {
-    const double h = to->time - from->time, v = 1.0 - w;
-    return v * v * (1.0 + 2.0 * w) * from->state[row] + w * w * (3.0 - 2.0 * w) * to->state[row]
-           + h * w * v * (v * from->rates[row] - w * to->rates[row]);
+    const double h = to->time - from->time, way = to->state[row] - from->state[row];
+    const double first = h * from->rates[row], last = h * to->rates[row];
+    const double bend = 3.0 * way - 2.0 * first - last, twist = first + last - 2.0 * way;
+    return from->state[row] + w * (first + w * (bend + w * twist));
 }
 
 /* Where the target's speed is reached between two points: the miss and the excess of the limits. */
@@ -254,9 +255,9 @@ static void solve_free(const ampi_normal_equations *of, const bool *is_free, dou
         solved[i] = sum / lower[i][i];
     }
     for (i = n; i > 0u; i--) {
-        double sum = solved[i - 1u];
-        for (k = i; k < n; k++) { sum -= lower[k][i - 1u] * step[at[k]]; }
-        step[at[i - 1u]] = sum / lower[i - 1u][i - 1u];
+        const double own = solved[i - 1u] / lower[i - 1u][i - 1u];
+        for (k = 0u; k < (i - 1u); k++) { solved[k] -= lower[i - 1u][k] * own; }
+        step[at[i - 1u]] = own;
     }
 }
 

@@ -217,8 +217,8 @@ void ampi_rates(const ampi_model_data *model, const double *state, const ampi_an
     rates[ALTITUDE] = speed * sin_fpa;
     rates[LONGITUDE] = turning * sin_azi / cos_lat;
     rates[LATITUDE] = turning * cos_azi;
-    rates[SPEED] = air->along - g * sin_fpa
-                   + centrifugal * (sin_fpa * cos_lat - cos_fpa * sin_lat * cos_azi);
+    rates[SPEED] = centrifugal * (sin_fpa * cos_lat - cos_fpa * sin_lat * cos_azi) + air->along
+                   - g * sin_fpa;
     rates[PATH_ANGLE] = air->up / speed + (speed / radius - g / speed) * cos_fpa
                         + 2.0 * omega * cos_lat * sin_azi
                         + centrifugal / speed * (cos_fpa * cos_lat + sin_fpa * sin_lat * cos_azi);
