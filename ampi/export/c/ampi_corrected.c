@@ -146,7 +146,7 @@ static void ask(const ampi_corrector *corrector, const ampi_model_data *model, a
                          + factors.angle;
     const ampi_air air = ampi_air_at(model, &factors, state, &angles, angle);
     const double speed = ampi_equivalent_speed(model, corrector->target, state);
-    const double lead = model->corrector.lead;
+    const double lead = model->corrector.lead + guidance->expected; /* it is reached at its end */
     const double most_change = model->corrector.change_rate * guidance->expected;
     double rates[6], slowing, ahead, bank, change;
     ampi_rates(model, state, &angles, &air, rates);
