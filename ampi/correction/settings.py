@@ -20,7 +20,7 @@ class CorrectorSettings:
     quiet: float = 1.0  # s to go, from which on there is none
     change: float = 0.0  # rad, ± of the angle of attack about its schedule; 0: bank alone
     change_rate: float = 0.0  # rad/s
-    lead: float = 1.0  # s, of a command over what it becomes: cycle, delay and lag of the actuator
+    lead: float = 0.6  # s, of a command over what it becomes: delay and lag of the actuator
     stiffness: float = 0.6  # 1/s, with which the bank angle is brought to the plan
     lag: float = 0.5  # s, of the angle of attack behind its command
     step: float = 4.0  # s, of the prediction

@@ -9,7 +9,10 @@ void ampi_corrector_aim(ampi_corrector *corrector, const double target[4])
 {
     size_t i, known = 0u;
     for (i = 0u; i < 4u; i++) { known += (fabs(target[i]) < AMPI_SANE) ? 1u : 0u; }
-    if (known == 4u) { (void)memcpy(corrector->target, target, sizeof corrector->target); }
+    if (known == 4u) {
+        (void)memcpy(corrector->target, target, sizeof corrector->target);
+        if (corrector->has_plan != 0u) { corrector->next = 0.0; } /* it is corrected at once */
+    }
 }
 
 void ampi_corrector_begin(ampi_corrector *corrector, const ampi_model *model, const ampi_table *table,
@@ -146,7 +149,7 @@ static void ask(const ampi_corrector *corrector, const ampi_model_data *model, a
                          + (factors.angle + corrector->change);
     const ampi_air air = ampi_air_at(model, &factors, state, &angles, angle);
     const double speed = ampi_equivalent_speed(model, corrector->target, state);
-    const double lead = model->corrector.lead;
+    const double lead = model->corrector.lead + guidance->expected; /* it is reached at its end */
     const double most_change = model->corrector.change_rate * guidance->expected;
     double rates[6], slowing, ahead, bank, change;
     ampi_rates(model, state, &angles, &air, rates);

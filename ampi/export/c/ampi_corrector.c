@@ -400,7 +400,7 @@ ampi_correction ampi_correct(ampi_corrector *corrector, const ampi_model_data *m
     const ampi_setting with = {model, &corrector->estimate, corrector->target, limit[1], limit[0]};
     static const double NOTHING[3] = {0.0, 0.0, 0.0};
     const size_t most_iterations = (size_t)model->corrector.iterations;
-    double missed[AMPI_N_MISSED], cost, lambda = 1.0, before, far;
+    double missed[AMPI_N_MISSED], cost, lambda = 1.0, far;
     ampi_correction outcome = AMPI_PLAN_BETTERED;
     ampi_point *first = &corrector->path[0];
     bool goes_on = true, has_changed = false;
@@ -412,9 +412,16 @@ ampi_correction ampi_correct(ampi_corrector *corrector, const ampi_model_data *m
     first->time = corrector->time;
     complete(&with, first, NOTHING);
     lay(&corrector->plan, first->speed, corrector->target[3]);
-    if (!predict(corrector, &with, &corrector->plan, 0u, true, missed)) { return AMPI_NO_ARRIVAL; }
-    cost = cost_of(model, missed, corrector->plan.value);
-    before = cost;
+    if (predict(corrector, &with, &corrector->plan, 0u, true, missed)) {
+        cost = cost_of(model, missed, corrector->plan.value);
+    } else { /* then wings level, on the schedule: that goes the farthest */
+        corrector->trial = corrector->plan;
+        (void)memset(corrector->trial.value, 0, sizeof corrector->trial.value);
+        if (!predict(corrector, &with, &corrector->trial, 0u, true, missed)) { return AMPI_NO_ARRIVAL; }
+        corrector->plan = corrector->trial;
+        cost = cost_of(model, missed, corrector->plan.value);
+        has_changed = true;
+    }
     while (goes_on && !is_there(model, missed)) {
         const double last = cost;
         set_jacobian(corrector, &with, missed);
@@ -433,7 +440,7 @@ ampi_correction ampi_correct(ampi_corrector *corrector, const ampi_model_data *m
     } else if (!has_changed) {
         outcome = AMPI_NO_BETTER;
     } else {
-        outcome = (cost < before) ? AMPI_PLAN_BETTERED : AMPI_NO_BETTER;
+        outcome = AMPI_PLAN_BETTERED;
     }
     return outcome;
 }
