@@ -4,6 +4,7 @@ python scripts/check_estimates.py demo/shefex3.h5                              t
 python scripts/check_estimates.py demo/shefex3.h5 --world arctic_january       another one
 python scripts/check_estimates.py demo/shefex3.h5 --pool tuning --set angle=1e-4   with other settings
 python scripts/check_estimates.py demo/shefex3.h5 --json                       print the numbers
+python scripts/check_estimates.py demo/shefex3.h5 --figure flight.png --flight 3   and draw a flight
 
 The reported flights are those of the pool "reported"; settings are tuned on the pool "tuning".
 """
@@ -22,6 +23,8 @@ import ampi
 from ampi.dataset import read_dataset
 from ampi.estimation.estimate import ESTIMATED
 from ampi.estimation.settings import EstimatorSettings
+from ampi.report.figures.estimates import estimates_figure
+from ampi.report.figures.style import save_figure
 from ampi.simulation.estimate_truth import (
     MEASURED,
     TOTALS,
@@ -159,6 +162,8 @@ def main() -> None:
         "--set", nargs="*", default=[], metavar="NAME=VALUE", help="of the estimator"
     )
     parser.add_argument("--json", action="store_true", help="print the numbers as JSON")
+    parser.add_argument("--figure", type=Path, help="draw the estimates of one flight")
+    parser.add_argument("--flight", type=int, default=0)
     arguments = parser.parse_args()
     mission = read_dataset(arguments.database).mission
     guidance = ampi.load_guidance(arguments.database, law=arguments.law, cycle=0.1)
@@ -169,6 +174,9 @@ def main() -> None:
     found = {"world": world.name, "pool": arguments.pool, **numbers(checked)}
     found["seconds"] = time.perf_counter() - began
     print(json.dumps(found, indent=1, default=float) if arguments.json else told(found))
+    if arguments.figure:
+        made_by = f"scripts/check_estimates.py --world {world.name} --flight {arguments.flight}"
+        save_figure(arguments.figure, estimates_figure(checked, arguments.flight), made_by)
 
 
 if __name__ == "__main__":

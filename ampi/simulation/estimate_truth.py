@@ -48,7 +48,7 @@ class Instant(NamedTuple):
     time: float  # s
     told: Array  # (8, n), navigation
     sensed: Array  # (3, n)
-    change: Array  # (n,) of the angle of attack, commanded, rad
+    change: Array  # (n,) of the angle of attack as flown, which its actuator tells, rad
     states: Array  # (7, n)
     flying: Mask  # (n,)
 
@@ -59,17 +59,15 @@ def instants(mission: Mission, guidance: Guidance, truth: Truth) -> Iterator[Ins
     actuator = Actuator(truth, guidance.cycle, entries.steering)
     flights, plant, rhythm = entries.flights, entries.plant, Rhythm.of(guidance.cycle, 1.0)
     step, length = 0, rhythm.cycle / rhythm.parts
-    change = np.zeros(len(truth))
     while step == 0 or flights.flying.any():
         time, steering = step * rhythm.cycle, actuator.flown
         told = entries.sensors.navigation(flights.x, steering[RATE])
         model = plant.steered(steering[ANGLE])
         felt = np.stack(aerodynamic_acceleration(model, flights.x, time))
         sensed = entries.sensors.acceleration(felt)
-        yield Instant(time, told, sensed, change, flights.x, flights.flying.copy())
+        yield Instant(time, told, sensed, steering[ANGLE], flights.x, flights.flying.copy())
         command = guidance.step(time, told, sensed if guidance.law.senses else None)
-        change = command.angle_of_attack
-        actuator.command(np.array([command.bank_rate, change]))
+        actuator.command(np.array([command.bank_rate, command.angle_of_attack]))
         for part in range(rhythm.parts):
             old, new = actuator.advance(part / rhythm.parts, (part + 1) / rhythm.parts)
             flights.advance(plant, old, new, time + part * length, length)
@@ -184,9 +182,8 @@ def _checked(
             states = np.where(now.flying, now.states, np.nan)
             theta = true_estimate(mission.flight_model, true, truth, states)
             found = estimator.estimate
-            rows.append(
-                (now.time, states[ALTITUDE], theta, found.mean, found.covariance, nis[0] / nis[1])
-            )
+            row = (states[ALTITUDE], theta, found.mean, found.covariance, nis[0] / nis[1])
+            rows.append((now.time, *(np.where(now.flying, value, np.nan) for value in row)))
             nis = np.zeros((2, n))
     columns = [np.array(column) for column in zip(*rows, strict=True)]
     return CheckedEstimates(estimator.counts, *columns)
