@@ -188,9 +188,7 @@ class Corrector:
 
 def second_differences(values: Array) -> Array:
     """Of the bank angles of plans (18, n): (11, n)."""
-    return np.asarray(
-        values[: N_BANKS - 2] - 2.0 * values[1 : N_BANKS - 1] + values[2:N_BANKS]
-    )
+    return np.asarray(values[: N_BANKS - 2] - 2.0 * values[1 : N_BANKS - 1] + values[2:N_BANKS])
 
 
 class _Work:

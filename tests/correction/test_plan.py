@@ -41,7 +41,10 @@ def test_a_plan_laid_on_the_rest_is_the_old_one_at_its_new_values_and_within_its
 ) -> None:
     fast = FAST - 0.37 * (FAST - SLOW)
     rest = plans.laid(fast, SLOW)
-    for count, new, old in ((N_BANKS, rest.bank, plans.bank), (N_ANGLES, rest.change, plans.change)):
+    for count, new, old in (
+        (N_BANKS, rest.bank, plans.bank),
+        (N_ANGLES, rest.change, plans.change),
+    ):
         for i in range(count):
             speed = fast - i / (count - 1.0) * (fast - SLOW)
             np.testing.assert_allclose(new(speed), old(speed), atol=1e-13)
