@@ -1,4 +1,4 @@
-"""Flights of SHEFEX-3 three minutes before their end, in air that differs, and where their plans lead."""
+"""Flights of SHEFEX-3 minutes before their end, in air that differs, and where their plans lead."""
 
 from __future__ import annotations
 
@@ -71,7 +71,9 @@ def flights(correction: Correction, predictor: Predictor) -> Flights:
             np.full(n, limits.bank_rate),
         )
         values = np.zeros((N_PLAN, n))
-        values[:N_BANKS] = state[6] + np.linspace(0.0, 1.0, N_BANKS)[:, None] * rng.uniform(-0.3, 0.3, n)
+        values[:N_BANKS] = state[6] + np.linspace(0.0, 1.0, N_BANKS)[:, None] * rng.uniform(
+            -0.3, 0.3, n
+        )
         values[CHANGES] = rng.uniform(-0.02, 0.02, n)
         plans = Plans(predictor.speed(target, state), target[3], values)
         ends = predictor.predict(plans.with_values(values[:, None]), where)

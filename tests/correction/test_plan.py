@@ -41,7 +41,10 @@ def test_a_plan_laid_on_the_rest_is_the_old_one_at_its_new_values_and_within_its
 ) -> None:
     fast = FAST - 0.37 * (FAST - SLOW)
     rest = plans.laid(fast, SLOW)
-    for count, new, old in ((N_BANKS, rest.bank, plans.bank), (N_ANGLES, rest.change, plans.change)):
+    for count, new, old in (
+        (N_BANKS, rest.bank, plans.bank),
+        (N_ANGLES, rest.change, plans.change),
+    ):
         for i in range(count):
             speed = fast - i / (count - 1.0) * (fast - SLOW)
             np.testing.assert_allclose(new(speed), old(speed), atol=1e-13)
@@ -69,7 +72,7 @@ def test_a_plan_through_samples_flies_them_within_the_limit() -> None:
     plans = plans_through(speed, bank, fast, slow, np.array([2.0, 0.5]))
     for i in range(N_BANKS):
         v = fast - i / (N_BANKS - 1.0) * (fast - slow)
-        expected = np.minimum(np.maximum(np.sin(v / 700.0), -[2.0, 0.5] * np.ones(2)), [2.0, 0.5])
+        expected = np.clip(np.sin(v / 700.0), [-2.0, -0.5], [2.0, 0.5])
         np.testing.assert_allclose(plans.bank(v), expected, atol=1e-3)
     assert not plans.values[N_BANKS:].any()
 
