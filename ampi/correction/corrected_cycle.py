@@ -12,9 +12,10 @@ What is asked for leads what it becomes: with v̇ of the estimated model, from E
 
     v̇ = (V V̇ + g₀ ḣ)/v,   v₊ = v + τ v̇,   σ̇ = (u(v₊) − u(v))/τ + k (u(v) − σ),                (1)
 
-τ the lead of a command over what it becomes, k the stiffness with which the bank angle is brought to the
-plan; the change of the angle of attack is that at v₊, no farther from the last one than its rate allows.
-What of it is flown is not told; it follows its command behind a first-order lag.
+τ the lead of a command over what it becomes, the cycle at whose end it is reached included, k the
+stiffness with which the bank angle is brought to the plan; the change of the angle of attack is that at
+v₊, no farther from the last one than its rate allows. What of it is flown is not told; it follows its
+command behind a first-order lag.
 
 Source: own.
 """
@@ -98,9 +99,10 @@ class CorrectedCycle:
         self.aim(target)
 
     def aim(self, targets: Array) -> None:
-        """The targets (4, n) from the next correction on; one that is no number changes nothing."""
+        """The targets (4, n), corrected for at once; one that is no number changes nothing."""
         known = np.all(np.abs(targets) < SANE, axis=0)
         self._target = np.where(known, targets, self._target)
+        self.next[known & self._has_plan] = 0.0
 
     @property
     def state(self) -> CorrectionState:
@@ -235,16 +237,17 @@ class CorrectedCycle:
     def _ask(self, known: Known) -> Asked:
         """Eq. (1)."""
         own, state = self._settings, self._state
+        lead = own.lead + known.cycle
         if not self._has_plan.any():
             return Asked(self._has_plan, self._commanded, self._commanded)
         rates = self._rates(state)
         gravity = self.correction.model.load_factor_gravity
         speed = self._predictor.speed(self._target, state)
         falls = state[SPEED] * rates[SPEED] + gravity * rates[ALTITUDE]
-        ahead = speed + own.lead * (falls / np.maximum(speed, 1.0))
+        ahead = speed + lead * (falls / np.maximum(speed, 1.0))
         bank, most = self.plans.bank(speed), own.change_rate * known.cycle
         then, change = self.plans.both(ahead)
-        rate = (then - bank) / own.lead + own.stiffness * (bank - state[BANK])
+        rate = (then - bank) / lead + own.stiffness * (bank - state[BANK])
         last = self._commanded
         change = np.minimum(np.maximum(change, last - most), last + most)
         is_asked = self._has_plan & (np.abs(rate) < SANE) & (np.abs(change) < SANE)

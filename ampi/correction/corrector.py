@@ -12,7 +12,8 @@ one-sided differences, towards the inside of the bounds, Levenberg's and Marquar
 
 D of second differences and sizes. λ begins at 1, falls tenfold with a step that lessens f as it is
 predicted in truth, which alone is taken, and rises tenfold with one that does not. So no plan is
-replaced but by a better one. The end is on the target, at a step that gains less than 2 %, after so many
+replaced but by a better one; only where it is not predicted to arrive at all, wings level takes its
+place, if that arrives. The end is on the target, at a step that gains less than 2 %, after so many
 steps, or so many predictions.
 
 In numpy a prediction of one plan takes as long as of twenty: each trial is flown together with all
@@ -62,7 +63,7 @@ class CorrectionOutcome(Outcome):
     )
     OUT_OF_REACH = 4, "The plan leads to the nearest point to the target that is found in reach."
     NO_BETTER = 5, "Rejected: no plan is predicted to be better than the one that is flown."
-    NO_ARRIVAL = 6, "Rejected: the plan is not predicted to arrive at the target's speed."
+    NO_ARRIVAL = 6, "Rejected: no plan is predicted to arrive at the target's speed."
     NO_STATE = 7, "Not tried: navigation told no plausible state."
 
 
@@ -93,6 +94,11 @@ class _Outlook(NamedTuple):
             self.jacobian[..., flights],
             self.to_go[flights],
         )
+
+    def take(self, flights: NDArray[np.intp], other: _Outlook, which: Mask) -> None:
+        """That of these flights is `other`'s of those."""
+        for whole, part in zip(self, other, strict=True):
+            whole[..., flights] = part[..., which]
 
 
 @dataclass(frozen=True, eq=False)
@@ -197,12 +203,24 @@ class _Work:
     def __init__(self, own: Corrector, plans: Plans, where: Situation) -> None:
         self._own, self._plans, self._where = own, plans, where
         self._seen = seen = own.outlook(plans, where)
-        self._cost = np.where(seen.arrives, own.cost(seen.missed, plans.values), np.inf)
-        self._goes_on = seen.arrives & ~own.is_there(seen.missed)
-        n = len(self._cost)
+        n = len(seen.arrives)
         self._damping, self._changed = np.ones(n), np.zeros(n, dtype=bool)
         self._tries, self._iterations = np.zeros((2, n), dtype=np.int64)
-        self._propagations = 1 + own.n_varied * self._goes_on.astype(np.int64)
+        self._propagations = np.ones(n, dtype=np.int64)
+        if not seen.arrives.all():
+            self._level(np.flatnonzero(~seen.arrives))
+        self._cost = np.where(seen.arrives, own.cost(seen.missed, plans.values), np.inf)
+        self._goes_on = seen.arrives & ~own.is_there(seen.missed)
+        self._propagations[self._goes_on] += own.n_varied  # of the Jacobian
+
+    def _level(self, at: NDArray[np.intp]) -> None:
+        """Wings level, on the schedule, where the plan does not arrive: that goes the farthest."""
+        plans = self._plans.of(at)
+        seen = self._own.outlook(plans.with_values(np.zeros_like(plans.values)), self._where.of(at))
+        self._propagations[at] += 1
+        taken = at[seen.arrives]
+        self._plans.values[:, taken], self._changed[taken] = 0.0, True
+        self._seen.take(taken, seen, seen.arrives)
 
     def go_on(self) -> bool:
         """Whether any flight does; it ends where its budget is spent."""
@@ -227,8 +245,7 @@ class _Work:
         self._tries[at] = np.where(better, 0, self._tries[at] + 1)
         taken = at[better]
         self._plans.values[:, taken] = trial.values[:, better]
-        for whole, part in zip(self._seen, seen, strict=True):
-            whole[..., taken] = part[..., better]
+        self._seen.take(taken, seen, better)
         self._took(taken, cost[better])
 
     def _took(self, taken: NDArray[np.intp], cost: Array) -> None:

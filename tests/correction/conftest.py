@@ -1,4 +1,4 @@
-"""Flights of SHEFEX-3 three minutes before their end, in air that differs, and where their plans lead."""
+"""Flights of SHEFEX-3 minutes before their end, in air that differs, and where their plans lead."""
 
 from __future__ import annotations
 

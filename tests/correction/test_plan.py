@@ -72,7 +72,7 @@ def test_a_plan_through_samples_flies_them_within_the_limit() -> None:
     plans = plans_through(speed, bank, fast, slow, np.array([2.0, 0.5]))
     for i in range(N_BANKS):
         v = fast - i / (N_BANKS - 1.0) * (fast - slow)
-        expected = np.minimum(np.maximum(np.sin(v / 700.0), -[2.0, 0.5] * np.ones(2)), [2.0, 0.5])
+        expected = np.clip(np.sin(v / 700.0), [-2.0, -0.5], [2.0, 0.5])
         np.testing.assert_allclose(plans.bank(v), expected, atol=1e-3)
     assert not plans.values[N_BANKS:].any()
 

@@ -25,7 +25,7 @@ def stepping(correction: Correction, step: float, **changes: float) -> Predictor
 
 
 def integrated(predictor: Predictor, plans: Plans, where: Situation) -> tuple[Array, Array, Array]:
-    """The end (6,) of one flight whose plan is followed exactly, its time to go, and (8, k) on its way."""
+    """The end (6,) of a flight that follows its plan exactly, the time to go, and (8, k) on the way."""
 
     def steered(x: Array) -> Array:
         state = np.concatenate([x, np.zeros(2)])[:, None]
