@@ -25,12 +25,6 @@ def problems(seed: int, tightness: float) -> tuple[Array, Array, Array, Array]:
     return matrix, right, values, bound
 
 
-def objective(matrix: Array, right: Array, step: Array) -> Array:
-    return np.asarray(
-        0.5 * np.einsum("in,ijn,jn->n", step, matrix, step) - (right * step).sum(axis=0)
-    )
-
-
 def optima(matrix: Array, right: Array, values: Array, bound: Array) -> Array:
     """By SciPy, one after the other."""
     found = []
@@ -50,18 +44,13 @@ def test_a_step_that_meets_no_bound_is_the_solution() -> None:
         np.testing.assert_allclose(step[:, i], expected, rtol=1e-8, atol=1e-9)
 
 
-@pytest.mark.parametrize("tightness", [0.7, 1.0, 1.6])
-def test_a_step_in_bounds_is_scipys_or_nearly_as_good(tightness: float) -> None:
+@pytest.mark.parametrize("tightness", [0.7, 1.0, 1.6, 2.5])
+def test_a_step_in_bounds_is_that_of_scipy(tightness: float) -> None:
     given = problems(2, tightness)
-    matrix, right, values, bound = given
+    _, _, values, bound = given
     step, best = bounded_step(*given), optima(*given)
     assert (np.abs(values + step) <= bound * (1.0 + 1e-12)).all()
-    least, own = objective(matrix, right, best), objective(matrix, right, step)
-    same = np.isclose(own, least, rtol=1e-9)
-    assert same.mean() > 0.4
-    np.testing.assert_allclose(step[:, same], best[:, same], atol=1e-4)
-    assert (own <= 0.0).all()  # better than none
-    assert (own - least <= 0.1 * np.abs(least)).mean() > 0.9
+    np.testing.assert_allclose(step, best, atol=1e-9)
 
 
 def test_what_stands_at_a_bound_and_is_pushed_on_stays_there() -> None:

@@ -138,7 +138,10 @@ def test_who_does_not_become_slow_enough_in_time_or_above_the_ground_does_not_ar
     one = plans.with_values(plans.values[:, None])
     where.state[0, 1], where.state[4, 1] = 200.0, -1.0  # down
     where.state[0, 2], where.state[3, 2] = 90e3, 12e3  # on its way to the moon
-    assert stepping(correction, 4.0).predict(one, where).arrives[0, [0, 2]].tolist() == [True, False]
+    assert stepping(correction, 4.0).predict(one, where).arrives[0, [0, 2]].tolist() == [
+        True,
+        False,
+    ]
     assert not stepping(correction, 0.1).predict(one, where).arrives[0, 1]
     assert not stepping(correction, 4.0, longest=20.0).predict(one, where).arrives[0, 0]
 
