@@ -54,6 +54,11 @@ class GuidanceCycle:
         if self.corrected is not None:
             self.corrected.begin(parameters)
 
+    def aim(self, targets: Array) -> None:
+        """The targets (4, n) of the correctors from now on."""
+        if self.corrected is not None:
+            self.corrected.aim(targets)
+
     def expect_begin(self) -> None:
         """The next time begins a flight if it does not go on."""
         self._clock.expect_begin()

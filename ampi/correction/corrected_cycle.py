@@ -32,6 +32,7 @@ from ampi.correction.onboard_correction import NO_AXIS, Correction
 from ampi.correction.plan import Plans, plans_through
 from ampi.correction.prediction import CHANGE, Predictor, Situation, factors_at
 from ampi.correction.settings import N_MISSED, N_PLAN
+from ampi.correction.state import CorrectionState
 from ampi.estimation.estimator import Estimator
 from ampi.onboard.flight_model import ALTITUDE, BANK, LONGITUDE, SPEED
 from ampi.onboard.flown_references import FlownReferences
@@ -102,6 +103,21 @@ class CorrectedCycle:
         known = np.all(np.abs(targets) < SANE, axis=0)
         self._target = np.where(known, targets, self._target)
         self.next[known & self._has_plan] = 0.0
+
+    @property
+    def state(self) -> CorrectionState:
+        """What is known now."""
+        return CorrectionState(
+            outcome=self.outcome.copy(),
+            counts=self.counts.copy(),
+            missed=self.missed.copy(),
+            to_go=self.to_go.copy(),
+            iterations=self.iterations.copy(),
+            propagations=self.propagations.copy(),
+            plans=Plans(self.plans.fast.copy(), self.plans.slow.copy(), self.plans.values.copy()),
+            estimate=self.estimator.estimate,
+            learnt={name: count.copy() for name, count in self.estimator.counts.items()},
+        )
 
     @property
     def change(self) -> Array:
