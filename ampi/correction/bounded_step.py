@@ -4,10 +4,9 @@
 
 for n flights at once, (18, 18) each. A is positive definite. An active set of a few rounds: what stands
 at a bound and is pushed outwards is held; the rest is solved by Cholesky's method; what then leaves its
-bounds is held there, and the rest solved anew. Nothing is let go within a step, the next one begins
-anew. Mostly that is the optimum of (1); where a value that was held should have been let go it is a
-feasible step that is nearly as good. The corrector judges it by the flight in either case. Flights that
-are done wait for the others.
+bounds is held there, and the rest solved anew; where nothing leaves, what is held although A d − b draws
+it inwards is let go. When there is neither, d is the optimum of (1). After the last round it is at least
+a step in bounds, which the corrector judges by the flight. Flights that are done wait for the others.
 
 Source: own; projected active sets: Bertsekas, "Projected Newton methods", SIAM J. Control 20, 1982.
 """
@@ -20,7 +19,7 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
-ROUNDS = 6
+ROUNDS = 10
 LEAST_PIVOT = 1e-300
 
 
@@ -44,7 +43,11 @@ def bounded_step(matrix: Array, right: Array, values: Array, bound: Array) -> Ar
         found = np.where(changes, _solved(matrix, right, held, step), step)
         kept = np.minimum(np.maximum(found, low), high)
         leaves = ~held & (kept != found)
-        step, held, changes = kept, held | leaves, changes & leaves.any(axis=0)
+        step, held, is_more = kept, held | leaves, leaves.any(axis=0)
+        slope = np.einsum("ijn,jn->in", matrix, step) - right
+        inwards = ((step >= high) & (slope > 0.0)) | ((step <= low) & (slope < 0.0))
+        let_go = held & inwards & ~is_more
+        held, changes = held & ~let_go, changes & (is_more | let_go.any(axis=0))
         if not changes.any():
             break
     return step

@@ -115,6 +115,7 @@ class Predictor:
         found: Array = equivalent_speed(gravity, target[0], state[ALTITUDE], state[SPEED])
         return found
 
+    @np.errstate(all="ignore")  # a flight into the ground does not arrive, and is no error
     def predict(self, plans: Plans, where: Situation) -> Predicted:
         """The ends of `plans`, k for each flight."""
         shape = plans.values.shape[1:]

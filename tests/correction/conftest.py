@@ -53,8 +53,8 @@ def flights(correction: Correction, predictor: Predictor) -> Flights:
 
     def made(n: int, *, seed: int = 0) -> tuple[Plans, Situation]:
         rng = np.random.default_rng(seed)
-        middle = np.array([44e3, -0.9, 1.1, 4200.0, -0.02, 0.8, 0.5, 0.0])
-        spread = np.array([1e3, 0.05, 0.05, 100.0, 0.005, 0.3, 0.1, 0.01])
+        middle = np.array([29e3, -0.9, 1.1, 1700.0, -0.03, 0.8, 0.5, 0.0])
+        spread = np.array([500.0, 0.05, 0.05, 50.0, 0.005, 0.3, 0.1, 0.01])
         state = middle[:, None] + spread[:, None] * rng.uniform(-1.0, 1.0, (8, n))
         mean = np.array([0.05, 0.03, 0.03, 20.0, 20.0, 0.005])[:, None] * rng.uniform(-1, 1, (6, n))
         covariance = np.zeros((6, 6, n))
@@ -63,7 +63,7 @@ def flights(correction: Correction, predictor: Predictor) -> Flights:
         target = np.repeat(np.array(correction.target)[:, None], n, axis=1)
         target[1:3] = state[1:3]
         where = Situation(
-            200.0,
+            400.0,
             state,
             target,
             estimate,

@@ -51,7 +51,6 @@ def integrated(predictor: Predictor, plans: Plans, where: Situation) -> tuple[Ar
         rtol=1e-11,
         atol=1e-9,
         events=slow,
-        max_step=2.0,  # the plan has kinks
     )
     points = np.concatenate([steered(x) for x in way.y.T], axis=1)
     return way.y[:, -1], np.array(way.t[-1] - where.time), points
@@ -65,9 +64,9 @@ def test_a_flight_ends_where_its_exact_integration_does(
     where.state[6:] = np.array(plans.both(plans.fast))
     far = replace(where, bank_rate=np.array([9.0]))
     quick = {"change_rate": 9.0}
-    end, _, _ = integrated(stepping(correction, 1.0), plans, far)
+    end, _, _ = integrated(stepping(correction, 2.0), plans, far)
     errors = []
-    for step in (2.0, 1.0):
+    for step in (8.0, 2.0):
         missed = ends(stepping(correction, step, **quick), plans, far)[:3, 0]
         radius = correction.model.equatorial_radius
         target = where.target[:, 0]
@@ -79,8 +78,8 @@ def test_a_flight_ends_where_its_exact_integration_does(
             ]
         )
         errors.append(np.linalg.norm(missed - expected))
-    assert errors[1] < 0.1  # m
-    assert errors[1] < errors[0] / 6.0
+    assert errors[1] < 0.05  # m
+    assert errors[1] < errors[0] / 50.0  # the method is of order four
 
 
 def test_excess_of_the_limits_is_that_of_the_integrated_flight(
@@ -88,7 +87,7 @@ def test_excess_of_the_limits_is_that_of_the_integrated_flight(
 ) -> None:
     plans, where = flights(1, seed=4)
     where.state[6:] = np.array(plans.both(plans.fast))
-    predictor = stepping(correction, 0.5, margin=0.9, change_rate=9.0)
+    predictor = stepping(correction, 1.0, margin=0.9, change_rate=9.0)
     missed = ends(predictor, plans, replace(where, bank_rate=np.array([9.0])))
     _, _, points = integrated(predictor, plans, where)
     model, limits = correction.model, correction.model.limits
@@ -137,15 +136,17 @@ def test_who_does_not_become_slow_enough_in_time_or_above_the_ground_does_not_ar
 ) -> None:
     plans, where = flights(3)
     one = plans.with_values(plans.values[:, None])
-    where.state[0, 1], where.state[4, 1] = 3e3, -1.0  # straight down
+    where.state[0, 1], where.state[4, 1] = 200.0, -1.0  # down
     where.state[0, 2], where.state[3, 2] = 90e3, 12e3  # on its way to the moon
-    found = stepping(correction, 4.0).predict(one, where)
-    assert found.arrives.tolist() == [[True, False, False]]
-    hasty = stepping(correction, 4.0, longest=20.0).predict(one, where)
-    assert not hasty.arrives.any()
+    assert stepping(correction, 4.0).predict(one, where).arrives[0, [0, 2]].tolist() == [
+        True,
+        False,
+    ]
+    assert not stepping(correction, 0.1).predict(one, where).arrives[0, 1]
+    assert not stepping(correction, 4.0, longest=20.0).predict(one, where).arrives[0, 0]
 
 
 def test_who_is_too_slow_already_does_not_arrive(predictor: Predictor, flights: Flights) -> None:
     plans, where = flights(1)
-    where.state[3] = where.target[3] - 1.0
+    where.state[0], where.state[3] = 20e3, where.target[3] - 1.0  # and braking
     assert not predictor.predict(plans.with_values(plans.values[:, None]), where).arrives.any()

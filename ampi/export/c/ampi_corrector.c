@@ -3,7 +3,7 @@
 
 #define NEVER 1e300 /* cost of a flight that does not arrive at the target's speed */
 #define BISECTIONS 40u
-#define ROUNDS 6u    /* of the active set, at the most */
+#define ROUNDS 10u   /* of the active set, at the most */
 #define REJECTIONS 6u /* of one step, at the most */
 #define BANK_STEP 0.01    /* rad, of the differences */
 #define CHANGE_STEP 0.003 /* rad */
@@ -266,6 +266,27 @@ static double bound_of(const ampi_setting *with, size_t i)
     return (i < AMPI_N_BANKS) ? with->angle : with->model->corrector.change;
 }
 
+/* Lets go what is held at a bound and would come back from it by itself. Whether there is such a thing. */
+static bool let_go(const ampi_corrector *corrector, const ampi_setting *with,
+                   const ampi_normal_equations *of, const double *step, bool *is_free)
+{
+    bool has_changed = false;
+    size_t i, j;
+    for (i = 0u; i < AMPI_N_PLAN; i++) {
+        const double bound = bound_of(with, i), value = corrector->plan.value[i];
+        double slope = 0.0;
+        for (j = 0u; j < AMPI_N_PLAN; j++) { slope += of->matrix[i][j] * step[j]; }
+        slope -= of->right[i];
+        if (!is_free[i]
+            && (((step[i] >= (bound - value)) && (slope > 0.0))
+                || ((step[i] <= (-bound - value)) && (slope < 0.0)))) {
+            is_free[i] = true;
+            has_changed = true;
+        }
+    }
+    return has_changed;
+}
+
 /* The step that keeps the bounds: what would leave them is held there, and the rest is solved anew. */
 static void set_step(const ampi_corrector *corrector, const ampi_setting *with,
                      const ampi_normal_equations *of, double *step)
@@ -292,6 +313,7 @@ static void set_step(const ampi_corrector *corrector, const ampi_setting *with,
             }
             step[i] = kept;
         }
+        if (!has_changed) { has_changed = let_go(corrector, with, of, step, is_free); }
     }
     for (i = 0u; i < AMPI_N_BANKS; i++) { size = most(size, fabs(step[i])); }
     if (size > with->model->corrector.longest_step) {

@@ -236,5 +236,5 @@ void ampi_use(const ampi_model_data *model, const ampi_air *air, double *use)
     const double load = (model->load_is_total != 0.0) ? total : normal;
     use[0] = 0.5 * air->density * air->speed * air->speed / model->limit[0];
     use[1] = heat / model->limit[1];
-    use[2] = load / (model->load_gravity * model->limit[2]);
+    use[2] = load / model->load_gravity / model->limit[2];
 }
