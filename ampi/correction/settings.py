@@ -14,7 +14,7 @@ class CorrectorSettings:
     """When and how a plan is corrected. Of the vehicle: `change`, `change_rate`, `lag`, `delay`."""
 
     start: float = 40.0  # s since the entry interface: below, there is next to no air to learn from
-    period: float = 5.0  # s between corrections
+    period: float = 10.0  # s between corrections
     last_minute: float = 60.0  # s to go, from which on they come more often
     last_period: float = 1.0  # s
     quiet: float = 1.0  # s to go, from which on there is none
