@@ -173,10 +173,11 @@ def _checked(
     true = true_model(mission.family(truth.parameters), truth)
     estimator = Estimator(flight_model_of(mission), settings, n)
     stride, rows = max(1, round(every / guidance.cycle)), []
-    nis = np.zeros((2, n))
+    nis, ended = np.zeros((2, n)), np.zeros(n, dtype=np.int64)
     for step, now in enumerate(instants(mission, guidance, truth)):
         told = np.where(now.flying, now.told, np.nan)
         estimator.update(now.time, told, now.sensed, now.change)
+        ended += ~now.flying
         nis += np.where(np.isnan(estimator.nis), 0.0, [estimator.nis, np.ones(n)])
         if step % stride == 0 and step > 0:
             states = np.where(now.flying, now.states, np.nan)
@@ -185,6 +186,7 @@ def _checked(
             row = (states[ALTITUDE], theta, found.mean, found.covariance, nis[0] / nis[1])
             rows.append((now.time, *(np.where(now.flying, value, np.nan) for value in row)))
             nis = np.zeros((2, n))
+    estimator.counts["unusable"] -= ended  # of a flight that has ended nothing is told
     columns = [np.array(column) for column in zip(*rows, strict=True)]
     return CheckedEstimates(estimator.counts, *columns)
 
