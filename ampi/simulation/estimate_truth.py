@@ -5,6 +5,11 @@ altitude that is told 33 m too high is air that is half a per cent thicker. The 
 the world's profile of the density; where that is no noise about one but another season, only the sum of
 both parts says something. So two errors e are judged by eᵀ C⁻¹ e (NEES): that of all six, and that of
 the four that a flight is changed by, ln k_D, ln k_L and the winds where the vehicle is.
+
+In a world of its own assumptions the filter has the NEES 6 and the NIS 3 of its degrees of freedom
+(tests/estimation/test_consistency.py). The worlds here ask less of it, and it claims more error than it
+makes: their profiles are straight from kilometre to kilometre where a Markov process is rough at any
+scale, and their accelerometer tells components in the true axes, not in those that navigation believes.
 """
 
 from __future__ import annotations
