@@ -2,9 +2,9 @@
 
 Bank angle and, where it may be changed, angle of attack are plans (`ampi.correction.plan`) over the
 equivalent speed, flown at the rates that the vehicle has through the true air, from the entry on. The
-damped Gauss–Newton step of the corrector, with the true flight in place of the prediction and Jacobians by
-differences, brings them to the target. A point is found, not the nearest of all: a flight that comes near
-was in reach; of one that does not, nobody has found how.
+damped Gauss–Newton step of the corrector, with the true flight in place of the prediction and Jacobians
+by differences, brings them to the target. A point is found, not the nearest of all: a flight that comes
+near was in reach; of one that does not, nobody has found how.
 """
 
 from __future__ import annotations
