@@ -145,7 +145,7 @@ class _Search:
     ) -> tuple[Array, Array]:
         """Bank rate and angle of attack (2, n) over the next step, and the latter at its end."""
         ahead = self._speed(x + STEP * rates, target)
-        bank, change = plans.both(ahead)
+        bank, change = plans.at(ahead)
         most, own = STEP * self._authority.angle_rate, self._authority
         rate = np.clip((bank - x[BANK]) / STEP, -own.bank_rate, own.bank_rate)
         return np.stack([rate, angle]), angle + np.clip(change - angle, -most, most)
