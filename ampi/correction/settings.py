@@ -14,13 +14,13 @@ class CorrectorSettings:
     """When and how a plan is corrected. Of the vehicle: `change`, `change_rate`, `lag`, `delay`."""
 
     start: float = 40.0  # s since the entry interface: below, there is next to no air to learn from
-    period: float = 5.0  # s between corrections
+    period: float = 10.0  # s between corrections
     last_minute: float = 60.0  # s to go, from which on they come more often
     last_period: float = 1.0  # s
     quiet: float = 1.0  # s to go, from which on there is none
     change: float = 0.0  # rad, ± of the angle of attack about its schedule; 0: bank alone
     change_rate: float = 0.0  # rad/s
-    lead: float = 1.0  # s, of a command over what it becomes: cycle, delay and lag of the actuator
+    lead: float = 0.6  # s, of a command over what it becomes: delay and lag of the actuator
     stiffness: float = 0.6  # 1/s, with which the bank angle is brought to the plan
     lag: float = 0.5  # s, of the angle of attack behind its command
     step: float = 4.0  # s, of the prediction
@@ -36,6 +36,6 @@ class CorrectorSettings:
     plan_roughness: float = 0.0005  # the same of the plan itself
     plan_change: float = 0.02
     longest_step: float = 0.4  # rad, of a bank angle
-    iterations: float = 10
-    propagations: float = 200  # flights predicted in one correction, at the most
+    iterations: float = 4
+    propagations: float = 80  # flights predicted in one correction, at the most
     longest: float = 1200.0  # s of a prediction

@@ -58,8 +58,7 @@ class AltitudeCurve:
         powers = np.empty((len(self.terms), *np.shape(eta)))
         powers[0], powers[1:] = 1.0, eta
         np.multiply.accumulate(powers, axis=0, out=powers)
-        shape = (len(self.terms), *(1,) * np.ndim(eta))
-        even, odd = (np.add.reduce(t.reshape(shape) * powers, axis=0) for t in self.terms.T)
+        even, odd = np.einsum("kt,k...->t...", self.terms, powers)
         value = even + xi * odd
         below, above = np.minimum(altitude, 0.0), np.maximum(altitude - self.top, 0.0)
         return value + self.edge_slopes[0] * below + self.edge_slopes[1] * above
@@ -223,9 +222,22 @@ class FlightModelData:
 
     def rates(self, state: Array, bank_rate: Any, time: Any, factors: Factors = NOMINAL) -> Array:
         """ẋ (7, …) of `state` (7, …) under `bank_rate` (rad/s) at `time` (s)."""
+        return self._rates(state, bank_rate, time, factors)[0]
+
+    def rates_and_loads(
+        self, state: Array, bank_rate: Any, time: Any, factors: Factors = NOMINAL
+    ) -> tuple[Array, tuple[Any, Any, Any]]:
+        """`rates` and `loads` at once: the air is looked up once."""
+        rates, air = self._rates(state, bank_rate, time, factors)
+        return rates, self._loads(air)
+
+    def _rates(
+        self, state: Array, bank_rate: Any, time: Any, factors: Factors
+    ) -> tuple[Array, AirLoads]:
         altitude, speed = state[ALTITUDE], state[SPEED]
-        (sin_lat, sin_fpa, sin_azi, sin_bank) = np.sin(state[ANGLES])
-        (cos_lat, cos_fpa, cos_azi, cos_bank) = np.cos(state[ANGLES])
+        angles = state[ANGLES]
+        sin_lat, sin_fpa, sin_azi, sin_bank = np.sin(angles)
+        cos_lat, cos_fpa, cos_azi, cos_bank = np.cos(angles)
         track = Track(sin_fpa, cos_fpa, sin_azi, cos_azi)
         through_air = _through_air(state, factors, track)
         air = self._air_loads(state, time, factors, through_air)
@@ -257,7 +269,7 @@ class FlightModelData:
             + centrifugal / level * sin_lat * sin_azi
         )
         found[BANK] = bank_rate
-        return found
+        return found, air
 
     def _gravity(self, radius: Any, sin_latitude: Any) -> Any:
         """μ/r² · [1 + 3/2 J2 (R_e/r)² (1 − 3 sin²φ)] (m/s²)."""
