@@ -62,7 +62,7 @@ def flown(model: FlightModelData, begin: Array, end_speed: float) -> tuple[Array
 
 def course(time: float) -> float:
     """Bank angle (rad)."""
-    return float(-0.55 + 0.35 * np.sin(time / 30.0))
+    return float(-0.75 + 0.2 * np.sin(time / 60.0))
 
 
 def shefex_table(model: FlightModelData, entry: Array, end_speed: float) -> GuidanceTable:

@@ -7,7 +7,7 @@
 #include "ampi_correction_parts.h"
 
 #define CYCLE 0.5 /* s */
-#define N_CYCLES 500u
+#define N_CYCLES 2000u
 
 static const double *next_number;
 static FILE *plans;
