@@ -160,12 +160,21 @@ static void outcome(const char *what, int told, ampi_correction expected)
 /* What one correction makes of models and states at the edge of sense. */
 static void test_corrections(const world *from)
 {
+    static world dive;
     const ampi_model_data *good = &from->model.of;
     ampi_model_data of = *good;
     const double speed = from->state[SPEED];
     outcome("slower than the target", corrected(from, &of, 100.0, 0.0), AMPI_NO_ARRIVAL);
     outcome("no number", corrected(from, &of, AMPI_NAN, 0.0), AMPI_NO_ARRIVAL);
-    outcome("inverted", corrected(from, &of, speed, 3.1), AMPI_OUT_OF_REACH);
+    outcome("inverted", corrected(from, &of, speed, 3.2), AMPI_OUT_OF_REACH); /* which is the bound */
+    dive = *from;
+    dive.corrector.state[ALTITUDE] = 30e3;
+    dive.corrector.state[PATH_ANGLE] = -0.3;
+    of.drag_factor *= 0.32;
+    outcome("wings level where it would not arrive", corrected(&dive, &of, 2000.0, 3.1), AMPI_PLAN_REPLACED);
+    of.drag_factor *= 0.125;
+    outcome("into the ground", corrected(&dive, &of, 2000.0, 3.1), AMPI_NO_ARRIVAL);
+    of = *good;
     of.corrector.longest = 10.0;
     outcome("too short a time", corrected(from, &of, speed, 0.0), AMPI_NO_ARRIVAL);
     of = *good;
