@@ -60,8 +60,8 @@ def export(
         if c is None and fmu is None:
             raise ValueError("export: expected --c FOLDER or --fmu FILE, got neither")
         _check(path, c, fmu, force=force)
-        model, blob = _flown(path, law, mode, kind, cycle, holes)
-        written = _written(model, blob, c, fmu, fmi)
+        model, blob, on_board = _flown(path, law, mode, kind, cycle, holes)
+        written = _written(model, blob, on_board, c, fmu, fmi)
     if as_json:
         print_json(written)
         return
@@ -83,8 +83,8 @@ def _check(path: Path, c: Path | None, fmu: Path | None, *, force: bool) -> None
 
 def _flown(
     path: Path, law: str, mode: str, kind: str, cycle: float | None, holes: str
-) -> tuple[FmuModel, bytes]:
-    """What is described, and what flies."""
+) -> tuple[FmuModel, bytes, bytes | None]:
+    """What is described, what flies, and the model on board of a mission that has one."""
     from ampi.dataset import read_dataset
     from ampi.export.blob import KINDS
     from ampi.loading import HOLES, LAWS, guidance_of
@@ -102,7 +102,17 @@ def _flown(
     model = _model(dataset, guidance)
     names = ", ".join(f"{own.name} [{own.unit}]" for own in model.parameters)
     about = f"mission {dataset.mission.name}, {dataset.mission.digest[:12]}\nparameters {names}"
-    return model, guidance.blob(stored, about)
+    return model, guidance.blob(stored, about), _on_board(dataset)
+
+
+def _on_board(dataset: TrajectoryDataset) -> bytes | None:
+    from ampi.export.model_blob import model_blob
+    from ampi.onboard_model import correction_of
+
+    try:
+        return model_blob(correction_of(dataset.mission))
+    except ValueError:  # what is flown without
+        return None
 
 
 def _model(dataset: TrajectoryDataset, guidance: Guidance) -> FmuModel:
@@ -113,13 +123,18 @@ def _model(dataset: TrajectoryDataset, guidance: Guidance) -> FmuModel:
 
 
 def _written(
-    model: FmuModel, blob: bytes, c: Path | None, fmu: Path | None, fmi: int
+    model: FmuModel,
+    blob: bytes,
+    on_board: bytes | None,
+    c: Path | None,
+    fmu: Path | None,
+    fmi: int,
 ) -> dict[str, dict[str, Any]]:
     found: dict[str, dict[str, Any]] = {}
     if c is not None:
         from ampi.export.c_code import export_c
 
-        code = export_c(c, model, blob)
+        code = export_c(c, model, blob, on_board)
         found["c"] = {
             "text": str(code),
             "files": list(code.files),

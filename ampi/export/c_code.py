@@ -34,13 +34,17 @@ class FlightCode:
         )
 
 
-def export_c(directory: str | Path, model: FmuModel, blob: bytes) -> FlightCode:
+def export_c(
+    directory: str | Path, model: FmuModel, blob: bytes, on_board: bytes | None = None
+) -> FlightCode:
     """Write the flight code of `model`, which flies `blob`; files that are there are replaced.
 
     ampi_*.c, ampi_*.h
         The core, with the exact sizes of this table in ampi_config.h.
     ampi_table.bin
         The blob; of a small one also ampi_table_data.h, which main.c then compiles in.
+    ampi_model.bin
+        If there is one, the model on board, by which plans are corrected in flight.
     main.c, CMakeLists.txt
         A loop that flies a recording, and how to build it.
     INTERFACE.md
@@ -56,6 +60,8 @@ def export_c(directory: str | Path, model: FmuModel, blob: bytes) -> FlightCode:
         The table, its name, and the names of its parameters.
     blob
         Of the same table: `ampi.export.blob.table_blob`.
+    on_board
+        `ampi.export.model_blob.model_blob`, where the mission has a model on board.
     """
     folder = Path(directory)
     folder.mkdir(parents=True, exist_ok=True)
@@ -67,7 +73,11 @@ def export_c(directory: str | Path, model: FmuModel, blob: bytes) -> FlightCode:
     }
     files["ampi_config.h"] = sizes.config().encode()
     files["ampi_table.bin"] = blob
-    files["INTERFACE.md"] = interface(model, blob, sizes).encode()
+    files["INTERFACE.md"] = interface(model, blob, sizes, on_board).encode()
+    if on_board is not None:
+        files["ampi_model.bin"] = on_board
+    else:
+        (folder / "ampi_model.bin").unlink(missing_ok=True)  # of another mission
     if len(blob) <= SMALL:
         files["ampi_table_data.h"] = _data(blob).encode()
     else:

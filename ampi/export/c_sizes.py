@@ -85,8 +85,8 @@ class CodeSizes:
     @property
     def guidance(self) -> int:
         """Of an ampi_guidance: all that one flight remembers, its reference included."""
-        numbers = _Number * (self.points + self.rows + 4 + 3 + 3 + 6)
-        return ctypes.sizeof(_structure(self._reference, numbers, _Word * 3))
+        numbers = _Number * (self.points + self.rows + 4 + 3 + 3 + 2 + 6)
+        return ctypes.sizeof(_structure(self._reference, numbers, _Word * 4))
 
     @property
     def stack(self) -> int:

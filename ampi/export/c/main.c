@@ -1,14 +1,18 @@
 /* A loop of one's own: opens a table, flies what was recorded, prints the commands as CSV.
 
-       main ampi_table.bin [flight.csv]          or, with the table compiled in, main [flight.csv]
+       main [-m ampi_model.bin] ampi_table.bin [flight.csv]
+       main [-m ampi_model.bin] [flight.csv]                      with the table compiled in
+
+   With a model the plan is corrected in flight.
 
    A line of flight.csv is time, h, theta, phi, V, gamma, psi, sigma, sigma rate and, where they are
    sensed, the specific forces along the velocity, up and right of it. Without a file the vehicle is
    where its reference was at the last cycle. The flight code itself needs no files and no memory. */
 #include <stdio.h>
 #include <stdlib.h>
+#include <string.h>
 
-#include "ampi.h"
+#include "ampi_correction.h"
 
 #ifdef AMPI_TABLE_DATA
 #include "ampi_table_data.h"
@@ -19,6 +23,8 @@
 
 static ampi_table table;
 static ampi_guidance guidance;
+static ampi_model model; /* not opened: plans are not corrected */
+static ampi_corrector corrector;
 
 static unsigned char *contents(const char *path, size_t *size)
 {
@@ -38,7 +44,8 @@ static unsigned char *contents(const char *path, size_t *size)
 
 static void step(double time, const double *navigation, const double *sensed)
 {
-    const ampi_command command = ampi_guidance_step(&guidance, &table, time, navigation, sensed);
+    const ampi_command command =
+        ampi_corrected_step(&corrector, &model, &guidance, &table, time, navigation, sensed);
     (void)printf("%.17g,%.17g,%.17g,%.17g,%d,%d\n", time, command.bank_rate, command.bank_angle,
                  command.angle_of_attack, (int)command.steering, (int)command.health);
 }
@@ -77,6 +84,15 @@ int main(int count, char **arguments)
     int next = 1;
     size_t i, size = 0u, cycle;
     ampi_status status;
+    if ((count > 2) && (strcmp(arguments[1], "-m") == 0)) {
+        const unsigned char *on_board = contents(arguments[2], &size);
+        status = ampi_model_open(&model, on_board, size);
+        if (status != AMPI_OK) {
+            (void)fprintf(stderr, "the model cannot be flown: status %d of ampi_status\n", (int)status);
+            return 1;
+        }
+        next = 3;
+    }
 #ifdef AMPI_TABLE_DATA
     const unsigned char *blob = ampi_table_data;
     size = sizeof ampi_table_data;
@@ -93,6 +109,7 @@ int main(int count, char **arguments)
         parameters[i] = table.axis[i].nominal;
     }
     ampi_guidance_begin(&guidance, &table, parameters);
+    ampi_corrector_begin(&corrector, &model, &table, parameters);
     (void)printf("time,bank_rate,bank_angle,angle_of_attack,steering,health\n");
     if (count > next) {
         return fly_recorded(arguments[next]);
