@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from ampi.export.blob import blob_text, blob_vertices
+from ampi.export.c_correction import correction_interface
 from ampi.export.c_sizes import CodeSizes
 from ampi.export.fmu_description import FmuModel
 from ampi.export.instruction_bounds import InstructionBounds
@@ -25,8 +26,8 @@ STATUSES = {
 }
 
 
-def interface(model: FmuModel, blob: bytes, sizes: CodeSizes) -> str:
-    """The document."""
+def interface(model: FmuModel, blob: bytes, sizes: CodeSizes, on_board: bytes | None = None) -> str:
+    """The document; `on_board` is the blob of the model that corrects plans, if there is one."""
     return "\n".join(
         [
             f"# Flight code: {model.name}\n",
@@ -35,6 +36,7 @@ def interface(model: FmuModel, blob: bytes, sizes: CodeSizes) -> str:
             _outputs(),
             _memory(sizes),
             _work(sizes, blob_vertices(blob), InstructionBounds.of(blob)),
+            *([] if on_board is None else [correction_interface(on_board)]),
             "## The table\n",
             f"```\n{blob_text(blob)}```\n",
         ]

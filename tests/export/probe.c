@@ -1,9 +1,11 @@
 /* What a test asks of the structures of the flight code, so that it need not know their layout. */
+#include "ampi_correction.h"
 #include "ampi_parts.h"
 
 size_t probe_size(int which)
 {
-    const size_t sizes[3] = {sizeof(ampi_table), sizeof(ampi_reference), sizeof(ampi_guidance)};
+    const size_t sizes[5] = {sizeof(ampi_table), sizeof(ampi_reference), sizeof(ampi_guidance),
+                             sizeof(ampi_model), sizeof(ampi_corrector)};
     return sizes[which];
 }
 

@@ -10,16 +10,21 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from ampi.correction.corrector import CorrectionOutcome
 from ampi.export.blob import blob_text, blob_vertices
 from ampi.export.c_code import SMALL, export_c
+from ampi.export.c_correction import correction_bounds, corrector_size, model_size
 from ampi.export.c_interface import STATUSES
 from ampi.export.fmu_description import FmuModel, Measured
+from ampi.export.model_blob import model_blob
 from ampi.guidance import Guidance
+from ampi.missions.loading import load_mission
 from ampi.onboard.health import Health, Steering
 from ampi.onboard.subspace import Order
+from ampi.onboard_model import correction_of
 from tests.export.conftest import LAWS, LIMITS, LawMaker, entry_table
 from tests.support.flight_blobs import recorded
-from tests.support.flight_code import CORE, compiled, needs_compiler
+from tests.support.flight_code import COMPILER, CORE, compiled, needs_compiler
 
 NAMES = (Measured("longitude", "rad"), Measured("speed", "m/s"), Measured("limit", "rad"))
 
@@ -109,6 +114,32 @@ def test_memory_is_what_the_document_says(entry: LawMaker, tmp_path: Path) -> No
         for size in told:
             assert f"{size:,}" in page
         assert blob_text(guidance.blob()) in page
+
+
+@needs_compiler
+def test_with_a_model_it_is_built_described_and_flown_corrected(
+    entry: LawMaker, tmp_path: Path
+) -> None:
+    guidance, on_board = small(entry), model_blob(correction_of(load_mission("shefex3")))
+    folder = export_c(tmp_path / "code", model_of(guidance), guidance.blob(), on_board).directory
+    assert (folder / "ampi_model.bin").read_bytes() == on_board
+    (tmp_path / "library").mkdir()
+    code = compiled(tmp_path / "library", "-include", str(folder / "ampi_config.h"))
+    assert [code.probe_size(i) for i in (3, 4)] == [model_size(on_board), corrector_size()]
+    page = (folder / "INTERFACE.md").read_text(encoding="utf-8")
+    for number in (*correction_bounds(on_board)[:2], model_size(on_board), corrector_size()):
+        assert f"{number:,}" in page
+    assert all(outcome.sentence in page for outcome in CorrectionOutcome)
+    assert COMPILER is not None
+    sources = [str(file) for file in folder.glob("*.c")]
+    flags = ["-std=c99", "-DAMPI_TABLE_DATA", f"-I{folder}"]
+    subprocess.run([COMPILER, *flags, *sources, "-o", str(tmp_path / "main"), "-lm"], check=True)
+    run = [str(tmp_path / "main"), "-m", str(folder / "ampi_model.bin")]
+    flown = subprocess.run(run, check=True, capture_output=True, text=True).stdout.splitlines()
+    steering = {line.split(",")[4] for line in flown[1:]}
+    assert str(int(Steering.PLANNED)) in steering
+    export_c(tmp_path / "code", model_of(guidance), guidance.blob())  # of a mission without
+    assert not (folder / "ampi_model.bin").exists()
 
 
 def test_numbers_and_names_of_the_header_are_those_of_the_document() -> None:

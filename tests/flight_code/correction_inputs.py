@@ -1,8 +1,8 @@
-"""What the C programs read of estimation and correction: `python -m tests.flight_code.correction_inputs FOLDER`.
+"""What the C programs read of estimation and correction: `… correction_inputs FOLDER`.
 
-NAME.model of each mission, and as float64 numbers in NAME.correction what numpy makes of it: rates, sensed
-accelerations and used limits in wind; updates of the estimator, useless measurements among them. Of a
-SHEFEX-like table also NAME.table.
+NAME.model of each mission, and as float64 numbers in NAME.correction what numpy makes of it: rates,
+sensed accelerations and used limits in wind; updates of the estimator, useless measurements among them.
+Of a SHEFEX-like table also NAME.table.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ TRUNCATED, FOREIGN, BYTE_ORDER, VERSION, CHECKSUM, INCONSISTENT = 1, 2, 3, 4, 5,
 
 
 def flown(model: FlightModelData, begin: Array, end_speed: float) -> tuple[Array, Array]:
-    """Times (m,) and states (m, 7, n) of flights along one course of the bank angle, to a speed (m/s)."""
+    """Times (m,) and states (m, 7, n) of flights along one course of the bank angle, to a speed."""
     step, state, time = 0.25, begin.copy(), 0.0
     times, states = [0.0], [begin.copy()]
     while (state[SPEED] > end_speed).any():
@@ -72,9 +72,7 @@ def shefex_table(model: FlightModelData, entry: Array, end_speed: float) -> Guid
     begin = np.repeat(entry[:, None], 4, axis=1)
     begin[3:5] = grid
     times, states = flown(model, begin, end_speed)
-    final = np.array(
-        [np.interp(-end_speed, -states[:, SPEED, k], times) for k in range(4)]
-    )
+    final = np.array([np.interp(-end_speed, -states[:, SPEED, k], times) for k in range(4)])
     mesh = Mesh((Phase((8,), 58.0), Phase((8, 8, 8))))
     fixed, free = mesh.node_time
     rows = np.zeros((4, len(LAWS["linear_quadratic"].layout), mesh.n_nodes))

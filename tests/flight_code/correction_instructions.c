@@ -9,6 +9,7 @@
 
 void measured(int is_update, double time, const double *state, const double *sensed);
 
+static ampi_table none; /* not opened */
 static ampi_model model;
 static ampi_corrector corrector;
 static unsigned char blob[32u + sizeof(ampi_model_data)];
@@ -27,7 +28,7 @@ static void one(int is_update, int input)
 {
     double state[8] = {50e3, 0.1, 0.5, 4000.0, -0.1, 1.0, 0.3, 0.0}, sensed[3] = {-20.0, 8.0, 1.0};
     size_t i;
-    ampi_corrector_begin(&corrector, &model, &(ampi_table){{0u}}, NULL);
+    ampi_corrector_begin(&corrector, &model, &none, NULL);
     for (i = 0u; i < 3u; i++) { sensed[i] *= 1.0 + 0.02 * (double)((input + 3 * (int)i) % 7); }
     state[ALTITUDE] += 1e3 * input;
     state[PATH_ANGLE] += 0.01 * input;

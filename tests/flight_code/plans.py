@@ -1,7 +1,7 @@
 """What correction_tests.c has planned, beside numpy: `python -m tests.flight_code.plans FILE`.
 
-Each plan, and the one before it, is flown by the numpy predictor in the same steps and in eighths of them.
-The plan must lead where the C says, be no worse than the one before it, and keep its bounds.
+Each plan, and the one before it, is flown by the numpy predictor in the same steps and in eighths of
+them. The plan must lead where the C says, be no worse than the one before it, and keep its bounds.
 """
 
 from __future__ import annotations
@@ -44,9 +44,7 @@ def main(path: str) -> int:
             time,
             np.append(state, change)[:, None],
             target[:, None],
-            Estimate(
-                mean[:, None], np.zeros((6, 6, 1)), np.array([altitude]), own.estimator
-            ),
+            Estimate(mean[:, None], np.zeros((6, 6, 1)), np.array([altitude]), own.estimator),
             np.array([bank]),
             np.array([[rate], [own.corrector.change_rate]]),
         )
@@ -57,8 +55,8 @@ def main(path: str) -> int:
         if outcome == CorrectionOutcome.NO_ARRIVAL:
             continue
         told = predictor.predict(after, where)
-        apart = max(apart, float(np.abs(told.missed[:3, 0, 0] - missed[:3]).max()))
-        apart = max(apart, abs(float(told.to_go[0, 0]) - to_go))
+        differences = [*(told.missed[:3, 0, 0] - missed[:3]), told.to_go[0, 0] - to_go]
+        apart = float(np.maximum(apart, np.abs(differences).max()))  # no number stays none
         if i % EACH == 0:
             there = fine.predict(after, where)
             apart_fine = max(apart_fine, float(np.abs(there.missed[:3] - told.missed[:3]).max()))
@@ -70,8 +68,8 @@ def main(path: str) -> int:
         off_bounds += bool((np.abs(after.values[:, 0, 0]) > bound).any())
         astray += bool(outcome in THERE and np.hypot(*missed[:2]) > own.corrector.tolerance)
     print(
-        f"{-(-len(rows) // EACH)} plans of the C end within {apart:.1e} m of what numpy predicts, with steps of an "
-        f"eighth within {apart_fine:.0f} m; {worse} worse than the one before, {off_bounds} off bounds"
+        f"{-(-len(rows) // EACH)} plans of the C end within {apart:.1e} m of what numpy predicts, with "
+        f"steps of an eighth within {apart_fine:.0f} m; {worse} worse than before, {off_bounds} off bounds"
     )
     figures = {"plans": len(rows), "apart": apart, "apart_fine": apart_fine, "worse": worse}
     print(json.dumps({"checked": True, **figures, "off_bounds": off_bounds, "astray": astray}))
