@@ -69,7 +69,8 @@ def main(path: str) -> int:
         astray += bool(outcome in THERE and np.hypot(*missed[:2]) > own.corrector.tolerance)
     print(
         f"{-(-len(rows) // EACH)} plans of the C end within {apart:.1e} m of what numpy predicts, with "
-        f"steps of an eighth within {apart_fine:.0f} m; {worse} worse than before, {off_bounds} off bounds"
+        f"steps of an eighth within {apart_fine:.0f} m; "
+        f"{worse} worse than before, {off_bounds} off bounds"
     )
     figures = {"plans": len(rows), "apart": apart, "apart_fine": apart_fine, "worse": worse}
     print(json.dumps({"checked": True, **figures, "off_bounds": off_bounds, "astray": astray}))
