@@ -131,8 +131,8 @@ def _refuse(mission: object, state: Array, plan: object, estimate: object, itera
         raise MethodError(f"mission: expected a Mission, got {mission!r}")
     if mission.objective.bank_rate_variation > 0.0 or mission.objective.descent_rate > 0.0:
         raise MethodError(
-            "mission: expected an objective without bank_rate_variation and descent_rate, which Newton's "
-            f"iteration does not know, got that of {mission.name}; plan it with ampi.solve"
+            "mission: expected an objective without bank_rate_variation and descent_rate, which "
+            f"Newton's iteration does not know, got that of {mission.name}; plan it with ampi.solve"
         )
     if state.shape not in ((BANK,), (BANK + 1,), (BANK + 2,)):
         raise MethodError(f"state: expected shape (6,), (7,) or (8,), got {state.shape}")

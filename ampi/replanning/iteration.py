@@ -33,11 +33,11 @@ class ReplanSettings:
     """Numbers that steer a re-planning.
 
     A step ends it below `step` (rad), or where its simplified steps have less than the square of that
-    left to come; a database asks for tenfold.
+    left to come: 1e-5 rad of bank angle are metres at the target.
     """
 
     longest_step: float = 0.5  # rad of bank angle, or 100 s · rad of final time
-    step: float = 3e-3
+    step: float = 5e-3
     simplified_steps: int = 2
     fast: float = 0.3  # contraction of simplified steps, above which they are given up
     solver: SolverSettings = field(default_factory=SolverSettings)

@@ -1,4 +1,4 @@
-"""A plan for the rest of a flight: it flies, it is optimal, and nothing that happens in flight raises."""
+"""A plan for the rest of a flight flies and is optimal; what happens in flight is no exception."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from ampi.trajectory import Trajectory
 Array = NDArray[np.float64]
 
 OFF = np.array([150.0, 5e-4, 5e-4, 8.0, 1e-3, 1e-3, 0.0, 0.0])  # 3 km aside, and slow
-FACTORS = Factors(density=1.03, lift=0.98, drag=1.02)
+FACTORS = Factors(density=1.02, lift=0.99, drag=0.99)
 UNDER_WAY = (70.0, 200.0, 400.0)
 
 
