@@ -100,7 +100,7 @@ def _of_rule(degree: int) -> _OfRule:
     points = (rule.nodes[:-1, None] + gaps * (np.arange(1, 6) / 6.0)).ravel()
     return _OfRule(
         core_derivative=np.asarray(np.kron(rule.derivative[:, 1:], np.eye(N_CORE)), dtype=float),
-        inside=np.linalg.inv(rule.derivative[:, 1:]),
+        inside=np.asarray(np.linalg.inv(rule.derivative[:, 1:]), dtype=float),
         entry_rate=interpolation_matrix(inner, barycentric_weights(inner), [-1.0])[0],
         between=interpolation_matrix(rule.nodes, rule.barycentric, points),
     )
