@@ -40,6 +40,9 @@ class ReplanSettings:
     step: float = 5e-3
     simplified_steps: int = 2
     fast: float = 0.3  # contraction of simplified steps, above which they are given up
+    exchanges: int = 4  # of all limits that should be held or not, with the same matrices; then
+    dual_steps: int = 12  # at most, which let them come and go one by one
+    restored: float = 1e-8  # scaled: what is left of R = 0, centimetres
     solver: SolverSettings = field(default_factory=SolverSettings)
 
     def __post_init__(self) -> None:
@@ -48,9 +51,17 @@ class ReplanSettings:
     @property
     def newton(self) -> SolverSettings:
         """As the iteration reads them."""
-        steps = NewtonSettings(simplified_steps=self.simplified_steps, fast=self.fast)
+        own = self.solver
         return replace(
-            self.solver, newton=steps, convergence=replace(self.solver.convergence, step=self.step)
+            own,
+            newton=NewtonSettings(
+                simplified_steps=self.simplified_steps,
+                fast=self.fast,
+                exchanges=self.exchanges,
+                dual_steps=self.dual_steps,
+            ),
+            convergence=replace(own.convergence, step=self.step),
+            restoration=replace(own.restoration, tolerance=self.restored),
         )
 
 
@@ -82,7 +93,7 @@ def iterate(
             good = np.array([size <= settings.longest_step])
             done, last = own.simplified_steps(system, good, np.array([size]))
             if done[0] or made == iterations:
-                flies = bool(own.restore(system.condensed, np.array([True]), last)[0])
+                flies = _made_to_fly(own, system, last)
                 settled = bool(done[0]) and flies and bool(own.keeps_limits(system.rows)[0])
     steps = [row.step for row in own.logs[0]]
     statistics = ReplanStatistics(made, len(steps) - made, step=steps[-1] if steps else np.nan)
@@ -91,6 +102,14 @@ def iterate(
     rate, cost = own.points.rate(points.everyone)[0], float(own.points.cost(points.everyone)[0])
     found = own.trajectory(0, rate, cost, time.perf_counter() - own.began)
     return Iterated(found, settled, statistics)
+
+
+def _made_to_fly(own: NewtonIteration, system: NewtonSystem, last: Array) -> bool:
+    """R = 0 under the control that is found: with the matrices at hand, then with new ones."""
+    everyone = np.array([True])
+    if own.restore(system.condensed, everyone, last)[0]:
+        return True
+    return bool(own.restore(own.points.condensed(), everyone, np.array([np.inf]))[0])
 
 
 def _newton_step(

@@ -46,7 +46,7 @@ Array = NDArray[np.float64]
 EVERY = 60.0  # s between the states of a flight
 LEFT = 150.0  # m/s above the target's speed: a flight that is slower is as good as over
 ALIKE = (100.0, 0.05)  # m, or share of the greater miss: by less, both agree
-SPEED_WEIGHT = 1e-2  # per (m/s)²: the corrector ends at the target's speed exactly
+SPEED_WEIGHT = 100.0  # per (m/s)²: the corrector ends at the target's speed exactly
 BUDGETS = (3, 12)  # iterations; then the whole method
 RESTRAINTS = {  # taken off one after the other
     "limits": {"margin": 0.0},
@@ -211,10 +211,12 @@ class Witness:
             found = replan(*given, time=told.time, iterations=budget)
             if found.status in (ReplanOutcome.REPLANNED, ReplanOutcome.OUT_OF_REACH):
                 return found.trajectory, f"{budget} iterations"
-        whole = optimum(self.rest(told), guess=start)
-        if whole.status.converged:
-            return whole, "whole method"
-        return None, "nothing"
+        rest = self.rest(told)
+        found_by = [optimum(rest, guess=guess) for guess in (start, None)]
+        whole = [plan for plan in found_by if plan.status.converged]
+        if not whole:
+            return None, "nothing"
+        return min(whole, key=lambda plan: self.miss(told, plan)), "whole method"
 
     def rest(self, told: Told) -> Mission:
         """What is left to be flown."""
