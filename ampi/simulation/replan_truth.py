@@ -115,19 +115,22 @@ def compared_states(
     for count, told in enumerate(told_states(mission, guidance, truth)):
         if count >= most:
             return
-        plan, how = witness.plan(told, last[told.flight])
+        found, plan = compared(witness, corrector, told, last[told.flight])
         last[told.flight] = plan or last[told.flight]
-        optimiser = np.inf if plan is None else witness.miss(told, plan)
-        own = corrected(corrector, told)
-        yield ComparedState(
-            told.flight,
-            told.time,
-            witness.weighed(own.missed[:3, 0]),
-            optimiser,
-            CorrectionOutcome(int(own.outcome[0])),
-            how,
-            _verdict(witness, corrector, told, witness.weighed(own.missed[:3, 0]), optimiser),
-        )
+        yield found
+
+
+def compared(
+    witness: Witness, correction: Correction, told: Told, start: Trajectory
+) -> tuple[ComparedState, Trajectory | None]:
+    """What both say of a state, and the optimiser's plan; `start` is the one before."""
+    plan, how = witness.plan(told, start)
+    optimiser = np.inf if plan is None else witness.miss(told, plan)
+    own = corrected(correction, told)
+    missed, outcome = witness.weighed(own.missed[:3, 0]), CorrectionOutcome(int(own.outcome[0]))
+    verdict = _verdict(witness, correction, told, missed, optimiser)
+    found = ComparedState(told.flight, told.time, missed, optimiser, outcome, how, verdict)
+    return found, plan
 
 
 def planned(mission: Mission, guidance: Guidance, parameters: Array) -> Trajectory:
@@ -173,7 +176,9 @@ def _verdict(
 def alike(one: float, other: float) -> bool:
     """Whether two misses (m) are as good as the same."""
     least, share = ALIKE
-    return bool(abs(one - other) <= max(least, share * max(one, other)))
+    return bool(
+        np.isfinite(one + other) and abs(one - other) <= max(least, share * max(one, other))
+    )
 
 
 @dataclass(frozen=True)
