@@ -23,6 +23,8 @@ if TYPE_CHECKING:
     from ampi.onboard.command import Command
     from ampi.onboard.health import Health, Steering
     from ampi.onboard.reference import Mode, Reference
+    from ampi.replanning.front_door import replan
+    from ampi.replanning.outcome import Replan, ReplanOutcome
     from ampi.scp.condensed.settings import SolverSettings
     from ampi.scp.guess import ConstantBank
     from ampi.scp.problem.capabilities import MethodError
@@ -53,6 +55,8 @@ _HOME = {
     "Mode": "ampi.onboard.reference",
     "Reference": "ampi.onboard.reference",
     "RefinementSettings": "ampi.scp.refinement",
+    "Replan": "ampi.replanning.outcome",
+    "ReplanOutcome": "ampi.replanning.outcome",
     "SolverSettings": "ampi.scp.condensed.settings",
     "Status": "ampi.trajectory",
     "Steering": "ampi.onboard.health",
@@ -71,6 +75,7 @@ _HOME = {
     "judge": "ampi.simulation.statistics",
     "load_guidance": "ampi.loading",
     "load_mission": "ampi.missions.loading",
+    "replan": "ampi.replanning.front_door",
     "solve": "ampi.scp.solve",
     "solve_family": "ampi.scp.solve",
 }
@@ -87,6 +92,8 @@ __all__ = [
     "Mode",
     "Reference",
     "RefinementSettings",
+    "Replan",
+    "ReplanOutcome",
     "Scheme",
     "SolverSettings",
     "Status",
@@ -104,6 +111,7 @@ __all__ = [
     "load_guidance",
     "load_mission",
     "load_world",
+    "replan",
     "save_campaigns",
     "solve",
     "solve_family",
