@@ -16,6 +16,9 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from ampi.correction.corrector import CorrectionOutcome
+    from ampi.correction.settings import CorrectorSettings
+    from ampi.estimation.settings import EstimatorSettings
     from ampi.guidance import Guidance
     from ampi.loading import load_guidance
     from ampi.missions.loading import load_mission
@@ -23,6 +26,7 @@ if TYPE_CHECKING:
     from ampi.onboard.command import Command
     from ampi.onboard.health import Health, Steering
     from ampi.onboard.reference import Mode, Reference
+    from ampi.onboard_model import correction_of
     from ampi.replanning.front_door import replan
     from ampi.replanning.outcome import Replan, ReplanOutcome
     from ampi.scp.condensed.settings import SolverSettings
@@ -46,6 +50,9 @@ if TYPE_CHECKING:
 _HOME = {
     "Command": "ampi.onboard.command",
     "ConstantBank": "ampi.scp.guess",
+    "CorrectionOutcome": "ampi.correction.corrector",
+    "CorrectorSettings": "ampi.correction.settings",
+    "EstimatorSettings": "ampi.estimation.settings",
     "FlightStatus": "ampi.simulation.plant",
     "Flights": "ampi.simulation.flights",
     "Guidance": "ampi.guidance",
@@ -61,6 +68,7 @@ _HOME = {
     "Status": "ampi.trajectory",
     "Steering": "ampi.onboard.health",
     "Trajectory": "ampi.trajectory",
+    "correction_of": "ampi.onboard_model",
     "compare": "ampi.simulation.statistics",
     "fly": "ampi.simulation.monte_carlo",
     "fly_again": "ampi.simulation.monte_carlo",
@@ -83,6 +91,9 @@ _HOME = {
 __all__ = [
     "Command",
     "ConstantBank",
+    "CorrectionOutcome",
+    "CorrectorSettings",
+    "EstimatorSettings",
     "FlightStatus",
     "Flights",
     "Guidance",
@@ -103,6 +114,7 @@ __all__ = [
     "World",
     "__version__",
     "compare",
+    "correction_of",
     "fly",
     "fly_again",
     "fly_schemes",

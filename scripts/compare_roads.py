@@ -172,8 +172,8 @@ def reach_lines(found: list[Row]) -> list[str]:
             within = own["within_of_those_in_reach"]
             lines.append(
                 f"- {row.place}, {row.road}: of {own['far']} flights beyond 1 km "
-                f"{own['out_of_reach']} had their target out of physical reach; of the others {100 * within['1000']:.1f} % end "
-                f"within 1 km, {100 * within['5000']:.1f} % within 5 km."
+                f"{own['out_of_reach']} had their target out of physical reach; of the others "
+                f"{100 * within['1000']:.1f} % end within 1 km, {100 * within['5000']:.1f} % within 5 km."
             )
     return lines
 
