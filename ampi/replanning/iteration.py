@@ -33,12 +33,13 @@ class ReplanSettings:
     """Numbers that steer a re-planning.
 
     A step ends it below `step` (rad), or where its simplified steps have less than the square of that
-    left to come. What 1e-2 leaves moves the end by metres: half of the plans that follow another need no
-    simplified step then (measured; a database asks for 3e-4).
+    left to come. Of 500 references polished 20 % outside their table the worst then ends 121 m from the
+    target. With 1e-2 half of the plans that follow another need no simplified step, and the end of a
+    plan moves by 2 m (median), but the worst polished one ends at 332 m.
     """
 
     longest_step: float = 0.5  # rad of bank angle, or 100 s · rad of final time
-    step: float = 1e-2
+    step: float = 5e-3
     simplified_steps: int = 2
     fast: float = 0.3  # contraction of simplified steps, above which they are given up
     exchanges: int = 4  # of all limits that should be held or not, with the same matrices; then
