@@ -45,10 +45,10 @@ def why_not_compiled(
 class CompiledCycle:
     """The memory of n flights in C."""
 
-    def __init__(self, flown: FlownReferences, opened: Any) -> None:
-        """`opened` is the table in C, a `core().Table`."""
+    def __init__(self, flown: FlownReferences, opened: Any, model: Any = None) -> None:
+        """`opened` is the table in C, a `core().Table`; `model` what corrects, a `core().Model`."""
         self._flown, n = flown, len(flown)
-        self.code = core().Guidance(opened, n)
+        self.code = core().Guidance(opened, n, model)
         self._is_begun = False
         self.tracked = np.full((len(flown.table.layout), n), np.nan)
 

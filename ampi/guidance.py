@@ -20,7 +20,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from ampi._native.engine import core
 from ampi.compiled_cycle import CompiledCycle, why_not_compiled
+from ampi.correction.onboard_correction import Correction
 from ampi.export.blob import Kind, table_blob
+from ampi.export.model_blob import model_blob
 from ampi.guidance_cycle import GuidanceCycle
 from ampi.onboard.certificate import Certificate, Certifier
 from ampi.onboard.clock import NOMINAL_CYCLE, SHORTEST
@@ -68,6 +70,7 @@ class Guidance:
         mission_sha256: str | None = None,
         orders: Sequence[Order] | None = None,
         certifier: Certifier | None = None,
+        correction: Correction | None = None,
         engine: str = "auto",
     ) -> None:
         self.table, self.limits, self.mode = table, limits, Mode(mode)
@@ -76,6 +79,7 @@ class Guidance:
         _check(table, limits, cycle, self.limit_axes, self.law)
         self.mission_sha256 = mission_sha256  # of the database's mission; None if made by hand
         self.orders = None if orders is None else tuple(orders)
+        self.correction = correction  # None: the reference is tracked, and no plan corrected
         self.certifier = certifier  # None: nothing is known on board of vehicle and air
         self._generator = ReferenceGenerator(table, self.mode, self.orders)
         self._asked_engine, self.engine = engine, self._engine(engine)
@@ -139,6 +143,7 @@ class Guidance:
             "mission_sha256": self.mission_sha256,
             "orders": self.orders,
             "certifier": self.certifier,
+            "correction": self.correction,
             "engine": self._asked_engine,
             **changes,
         }
@@ -222,13 +227,32 @@ class Guidance:
 
     def _cycle_of(self, flown: FlownReferences) -> GuidanceCycle | CompiledCycle:
         if self.engine == NATIVE:
-            return CompiledCycle(flown, self.opened)
+            return CompiledCycle(flown, self.opened, self._opened_model)
         return GuidanceCycle(flown, self.law, self._stated_cycle)
 
     @cached_property
     def opened(self) -> Any:
         """The table as the native engine has opened it."""
         return core().Table(self.blob())
+
+    @cached_property
+    def _opened_model(self) -> Any:
+        return None if self.correction is None else core().Model(model_blob(self.correction))
+
+    @property
+    def senses(self) -> bool:
+        """Whether it wants sensed accelerations."""
+        return self.law.senses or self.correction is not None
+
+    @property
+    def modulates(self) -> bool:
+        """Whether it changes the angle of attack."""
+        own = self.correction
+        return self.law.modulates or (own is not None and own.corrector.change > 0.0)
+
+    def corrected(self, correction: Correction | None) -> Guidance:
+        """The same with its plans corrected in flight; None: without."""
+        return Guidance(**self._settings(correction=correction))
 
     @property
     def compiled(self) -> Any:

@@ -8,13 +8,15 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from ampi.correction.onboard_correction import NO_AXIS, Correction
+from ampi.correction.settings import CorrectorSettings
 from ampi.missions.mission import Mission
 from ampi.missions.parameters import at
 from ampi.missions.path_limits import PathLimits
 from ampi.onboard.aerodynamic_forms import AerodynamicForm, NewtonianForm, PolarForm, SplineForm
 from ampi.onboard.certificate import Certifier, Thresholds
 from ampi.onboard.flight_model import Air, AltitudeCurve, FlightModelData, Limits, Schedule
-from ampi.onboard.flight_numbers import UNMOVED, VARIED, FlightNumbers
+from ampi.onboard.flight_numbers import TARGET, UNMOVED, VARIED, FlightNumbers
 from ampi.onboard.segments import Segments
 from ampi.physics.aerodynamics import (
     Aerodynamics,
@@ -198,4 +200,25 @@ def certifier_of(mission: Mission, segments: Segments) -> Certifier:
         Thresholds(horizontal=target.position_tolerance, altitude=target.altitude_tolerance),
         segments,
         position_is_free=target.position == "free",
+    )
+
+
+def correction_of(mission: Mission, **corrector: float) -> Correction:
+    """What corrects plans of the mission in flight; with numbers of `CorrectorSettings` of one's own.
+
+    Raises
+    ------
+    ValueError
+        If the model on board cannot express the mission.
+    """
+    target = mission.target
+    paths = [parameter.number.path for parameter in mission.parameters]
+    axes = tuple(
+        paths.index(("target", name)) if ("target", name) in paths else NO_AXIS for name in TARGET
+    )
+    return Correction(
+        model=flight_model_of(mission),
+        target=(target.altitude, target.longitude, target.latitude, target.speed),
+        target_axes=axes,
+        corrector=CorrectorSettings(**corrector),
     )

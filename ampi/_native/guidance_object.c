@@ -49,15 +49,55 @@ static PyType_Slot table_slots[] = {
 PyType_Spec ampi_table_spec = {"ampi._native._core.Table", (int)sizeof(TableObject), 0,
                                Py_TPFLAGS_DEFAULT, table_slots};
 
-static PyObject *guidance_new(PyTypeObject *type, PyObject *arguments, PyObject *keywords) {
-    PyObject *table;
-    Py_ssize_t n;
+PyTypeObject *ampi_model_type;
+
+static PyObject *model_new(PyTypeObject *type, PyObject *arguments, PyObject *keywords) {
+    PyObject *blob;
+    Py_buffer bytes;
     (void)keywords;
-    if (!PyArg_ParseTuple(arguments, "On", &table, &n)) {
+    if (!PyArg_ParseTuple(arguments, "O", &blob) || PyObject_GetBuffer(blob, &bytes, PyBUF_SIMPLE) != 0) {
         return NULL;
     }
-    if (!PyObject_TypeCheck(table, ampi_table_type) || n < 1) {
-        PyErr_SetString(PyExc_ValueError, "Guidance: expected a Table and at least one flight");
+    allocfunc allocate = (allocfunc)PyType_GetSlot(type, Py_tp_alloc);
+    ModelObject *self = (ModelObject *)allocate(type, 0);
+    if (self != NULL) {
+        const ampi_status status = ampi_model_open(&self->model, bytes.buf, (size_t)bytes.len);
+        if (status != AMPI_OK) {
+            PyErr_Format(PyExc_ValueError, "blob: expected a model, got status %d", (int)status);
+            Py_DECREF(self);
+            self = NULL;
+        }
+    }
+    PyBuffer_Release(&bytes);
+    return (PyObject *)self;
+}
+
+static void model_dealloc(PyObject *object) {
+    PyTypeObject *type = Py_TYPE(object);
+    ((freefunc)PyType_GetSlot(type, Py_tp_free))(object);
+    Py_DECREF(type);
+}
+
+static PyType_Slot model_slots[] = {
+    {Py_tp_new, (void *)model_new},
+    {Py_tp_dealloc, (void *)model_dealloc},
+    {Py_tp_doc, "Model(blob): a model of vehicle and air, checked and opened."},
+    {0, NULL},
+};
+PyType_Spec ampi_model_spec = {"ampi._native._core.Model", (int)sizeof(ModelObject), 0,
+                               Py_TPFLAGS_DEFAULT, model_slots};
+
+static PyObject *guidance_new(PyTypeObject *type, PyObject *arguments, PyObject *keywords) {
+    PyObject *table, *model;
+    Py_ssize_t n;
+    (void)keywords;
+    if (!PyArg_ParseTuple(arguments, "OnO", &table, &n, &model)) {
+        return NULL;
+    }
+    if (!PyObject_TypeCheck(table, ampi_table_type) || n < 1 ||
+        !(model == Py_None || PyObject_TypeCheck(model, ampi_model_type))) {
+        PyErr_SetString(PyExc_ValueError,
+                        "Guidance: expected a Table, at least one flight, and a Model or None");
         return NULL;
     }
     allocfunc allocate = (allocfunc)PyType_GetSlot(type, Py_tp_alloc);
@@ -69,7 +109,12 @@ static PyObject *guidance_new(PyTypeObject *type, PyObject *arguments, PyObject 
     self->table = &((TableObject *)table)->table;
     self->n = (size_t)n;
     self->guidance = calloc(self->n, sizeof(ampi_guidance));
-    if (self->guidance == NULL) {
+    if (model != Py_None) {
+        self->model_owner = Py_NewRef(model);
+        self->model = &((ModelObject *)model)->model;
+        self->corrector = calloc(self->n, sizeof(ampi_corrector));
+    }
+    if (self->guidance == NULL || (self->model != NULL && self->corrector == NULL)) {
         PyErr_NoMemory();
         Py_DECREF(self);
         return NULL;
@@ -81,6 +126,8 @@ static void guidance_dealloc(PyObject *object) {
     GuidanceObject *const self = (GuidanceObject *)object;
     PyTypeObject *type = Py_TYPE(object);
     free(self->guidance);
+    free(self->corrector);
+    Py_XDECREF(self->model_owner);
     Py_XDECREF(self->owner);
     ((freefunc)PyType_GetSlot(type, Py_tp_free))(object);
     Py_DECREF(type);
@@ -94,8 +141,11 @@ static PyObject *begin(PyObject *object, PyObject *parameters) {
     }
     Py_BEGIN_ALLOW_THREADS
     for (size_t i = 0; i < self->n; i++) {
-        ampi_guidance_begin(&self->guidance[i], self->table,
-                            (const double *)told.buf + i * self->table->n.axes);
+        const double *const own = (const double *)told.buf + i * self->table->n.axes;
+        ampi_guidance_begin(&self->guidance[i], self->table, own);
+        if (self->corrector != NULL) {
+            ampi_corrector_begin(&self->corrector[i], self->model, self->table, own);
+        }
     }
     Py_END_ALLOW_THREADS
     PyBuffer_Release(&told);
@@ -178,8 +228,12 @@ static void step_all(GuidanceObject *self, double time, const double *navigation
         for (size_t row = 0; sensed != NULL && row < 3u; row++) {
             felt[row] = sensed[row * n + i];
         }
-        const ampi_command command = ampi_guidance_step(&self->guidance[i], self->table, time, told,
-                                                        sensed != NULL ? felt : NULL);
+        const double *const known = sensed != NULL ? felt : NULL;
+        const ampi_command command =
+            self->corrector == NULL
+                ? ampi_guidance_step(&self->guidance[i], self->table, time, told, known)
+                : ampi_corrected_step(&self->corrector[i], self->model, &self->guidance[i], self->table,
+                                      time, told, known);
         commands[i] = command.bank_rate;
         commands[n + i] = command.bank_angle;
         commands[2u * n + i] = command.angle_of_attack;
@@ -288,7 +342,76 @@ static PyObject *reference(PyObject *object, PyObject *arguments) {
     return answer;
 }
 
+/* corrected(out (rows, n)): what estimators and correctors know, in the rows of AMPI_CORRECTED. */
+static PyObject *corrected(PyObject *object, PyObject *array) {
+    GuidanceObject *const self = (GuidanceObject *)object;
+    const size_t n = self->n;
+    Py_buffer view;
+    if (self->corrector == NULL) {
+        PyErr_SetString(PyExc_ValueError, "corrected: expected a guidance with a model");
+        return NULL;
+    }
+    if (ampi_doubles(array, "out", AMPI_N_CORRECTED * n, 1, &view) != 0) {
+        return NULL;
+    }
+    for (size_t i = 0; i < n; i++) {
+        const ampi_corrector *const own = &self->corrector[i];
+        const ampi_estimate *const estimate = &own->estimate;
+        double *const out = (double *)view.buf + i;
+        for (size_t k = 0; k < AMPI_N_CORRECTIONS; k++) {
+            out[(AMPI_COR_count + k) * n] = (double)own->count[k];
+        }
+        for (size_t k = 0; k < AMPI_N_MISSED; k++) { out[(AMPI_COR_missed + k) * n] = own->missed[k]; }
+        for (size_t k = 0; k < AMPI_N_PLAN; k++) { out[(AMPI_COR_plan + k) * n] = own->plan.value[k]; }
+        for (size_t k = 0; k < AMPI_N_ESTIMATED; k++) {
+            out[(AMPI_COR_mean + k) * n] = estimate->mean[k];
+            for (size_t j = 0; j < AMPI_N_ESTIMATED; j++) {
+                out[(AMPI_COR_covariance + k * AMPI_N_ESTIMATED + j) * n] = estimate->covariance[k][j];
+            }
+        }
+        const double learnt[] = {estimate->used, estimate->weak, estimate->unusable,
+                                 estimate->stuck, estimate->gated, estimate->reset};
+        for (size_t k = 0; k < sizeof learnt / sizeof *learnt; k++) {
+            out[(AMPI_COR_learnt + k) * n] = learnt[k];
+        }
+        out[AMPI_COR_outcome * n] = own->outcome;
+        out[AMPI_COR_to_go * n] = own->to_go;
+        out[AMPI_COR_iterations * n] = own->iterations;
+        out[AMPI_COR_propagations * n] = own->propagations;
+        out[AMPI_COR_fast * n] = own->plan.fast;
+        out[AMPI_COR_slow * n] = own->plan.slow;
+        out[AMPI_COR_altitude * n] = estimate->altitude;
+        out[AMPI_COR_nis * n] = estimate->nis;
+        out[AMPI_COR_change * n] = own->change;
+        out[AMPI_COR_next * n] = own->next;
+    }
+    PyBuffer_Release(&view);
+    Py_RETURN_NONE;
+}
+
+/* aim(targets (4, n)) */
+static PyObject *aim(PyObject *object, PyObject *array) {
+    GuidanceObject *const self = (GuidanceObject *)object;
+    Py_buffer view;
+    if (self->corrector == NULL) {
+        PyErr_SetString(PyExc_ValueError, "aim: expected a guidance with a model");
+        return NULL;
+    }
+    if (ampi_doubles(array, "targets", 4u * self->n, 0, &view) != 0) {
+        return NULL;
+    }
+    for (size_t i = 0; i < self->n; i++) {
+        double target[4];
+        for (size_t k = 0; k < 4u; k++) { target[k] = ((const double *)view.buf)[k * self->n + i]; }
+        ampi_corrector_aim(&self->corrector[i], target);
+    }
+    PyBuffer_Release(&view);
+    Py_RETURN_NONE;
+}
+
 static PyMethodDef guidance_methods[] = {
+    {"corrected", corrected, METH_O, "corrected(out): what estimators and correctors know."},
+    {"aim", aim, METH_O, "aim(targets): the targets (4, n) from the next correction on."},
     {"begin", begin, METH_O, "begin(parameters): begin n flights of p (n, d)."},
     {"follow", (PyCFunction)(void (*)(void))follow, METH_FASTCALL,
      "follow(parameters, nodal, told): fly these references; the clock goes on."},
@@ -307,7 +430,7 @@ static PyType_Slot guidance_slots[] = {
     {Py_tp_new, (void *)guidance_new},
     {Py_tp_dealloc, (void *)guidance_dealloc},
     {Py_tp_methods, guidance_methods},
-    {Py_tp_doc, "Guidance(table, n): the flight code of n flights."},
+    {Py_tp_doc, "Guidance(table, n, model): the flight code of n flights."},
     {0, NULL},
 };
 PyType_Spec ampi_guidance_spec = {"ampi._native._core.Guidance", (int)sizeof(GuidanceObject), 0,

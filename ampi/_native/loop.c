@@ -63,8 +63,12 @@ static void command(ampi_loop *loop, double time, const double *normal, const do
         if (senses) {
             ampi_accelerometer(loop, i, noise, felt);
         }
-        const ampi_command wanted = ampi_guidance_step(&loop->guidance[i], loop->table, time, told,
-                                                       senses ? felt : NULL);
+        const double *const sensed = senses ? felt : NULL;
+        const ampi_command wanted =
+            loop->corrector == NULL
+                ? ampi_guidance_step(&loop->guidance[i], loop->table, time, told, sensed)
+                : ampi_corrected_step(&loop->corrector[i], loop->model, &loop->guidance[i], loop->table,
+                                      time, told, sensed);
         loop->command[PLANT_RATE][i] = wanted.bank_rate;
         loop->command[PLANT_ANGLE][i] = wanted.angle_of_attack;
     }

@@ -5,7 +5,7 @@
 #ifndef AMPI_LOOP_H
 #define AMPI_LOOP_H
 
-#include "ampi.h"
+#include "ampi_correction.h"
 #include "plant.h"
 
 /* Numbers of the loop. */
@@ -57,6 +57,8 @@ typedef struct {
     ampi_lanes fixed[AMPI_N_FIXED];
     const ampi_table *table;
     ampi_guidance *guidance; /* of each flight; NULL: the steering at the entry is held */
+    const ampi_model *model;
+    ampi_corrector *corrector; /* of each flight; NULL: plans are not corrected */
     size_t cycle;            /* number of the next */
     uint64_t flying[AMPI_LANES]; /* all bits or none */
     ampi_lanes x[PLANT_STATES], flown[PLANT_STEERING], before[PLANT_STEERING], command[PLANT_STEERING];

@@ -116,6 +116,8 @@ static int set_guidance(LoopObject *self, PyObject *object, Py_ssize_t first) {
     self->guidance = Py_NewRef(object);
     self->loop.table = guidance->table;
     self->loop.guidance = guidance->guidance + first;
+    self->loop.model = guidance->model;
+    self->loop.corrector = guidance->corrector == NULL ? NULL : guidance->corrector + first;
     return 0;
 }
 

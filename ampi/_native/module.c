@@ -9,10 +9,12 @@ typedef struct {
 #define SETTING(name, count) {#name, AMPI_SET_##name, count},
 #define FIXED(name, count) {#name, AMPI_FIX_##name, count},
 #define RESULT(name, count) {#name, AMPI_END_##name, count},
+#define CORRECTED(name, count) {#name, AMPI_COR_##name, (long)(count)},
 #define END {NULL, 0, 0}
 static const rows SETTINGS[] = {AMPI_SETTINGS(SETTING) END};
 static const rows FIXED_ROWS[] = {AMPI_FIXED(FIXED) END};
 static const rows RESULT_ROWS[] = {AMPI_RESULTS(RESULT) END};
+static const rows CORRECTED_ROWS[] = {AMPI_CORRECTED(CORRECTED) END};
 
 /* {name: (first row, rows)} */
 static int add_rows(PyObject *module, const char *name, const rows *first) {
@@ -69,12 +71,15 @@ PyMODINIT_FUNC PyInit__core(void) {
     }
     ampi_program_type = add_type(module, &ampi_program_spec, "Program");
     ampi_table_type = add_type(module, &ampi_table_spec, "Table");
+    ampi_model_type = add_type(module, &ampi_model_spec, "Model");
     ampi_guidance_type = add_type(module, &ampi_guidance_spec, "Guidance");
     PyTypeObject *const loop = add_type(module, &ampi_loop_spec, "Loop");
-    if (ampi_program_type == NULL || ampi_table_type == NULL || ampi_guidance_type == NULL ||
+    if (ampi_program_type == NULL || ampi_table_type == NULL || ampi_model_type == NULL ||
+        ampi_guidance_type == NULL ||
         loop == NULL ||
         add_rows(module, "SETTINGS", SETTINGS) != 0 || add_rows(module, "FIXED", FIXED_ROWS) != 0 ||
-        add_rows(module, "RESULTS", RESULT_ROWS) != 0 || add_opcodes(module) != 0 ||
+        add_rows(module, "RESULTS", RESULT_ROWS) != 0 ||
+        add_rows(module, "CORRECTED", CORRECTED_ROWS) != 0 || add_opcodes(module) != 0 ||
         PyModule_AddObject(module, "MOST", Py_BuildValue("(kkkkkk)", (unsigned long)AMPI_MAX_AXES,
             (unsigned long)AMPI_MAX_ROWS, (unsigned long)AMPI_MAX_NODES, (unsigned long)AMPI_MAX_SEGMENTS,
             (unsigned long)AMPI_MAX_DEGREE_NODES, (unsigned long)AMPI_MAX_POINTS)) != 0 ||

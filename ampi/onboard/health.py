@@ -55,3 +55,4 @@ class Steering(Outcome):
     TRACKED = 0, "The law tracks the reference."
     REFERENCE = 1, "The reference's own bank rate is flown: there is no navigation to track it by."
     HELD = 2, "The bank angle is held: the reference has ended, or nobody knows the time."
+    PLANNED = 3, "The plan is flown, corrected in flight."

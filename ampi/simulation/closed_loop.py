@@ -66,7 +66,7 @@ def fly_batch(
 def plant_of(family: MissionFamily[Mission], guidance: Guidance, truth: Truth) -> Plant:
     """The vehicles that `guidance`, begun, steers: their time limit is that of its references."""
     longest = PLANT.longest * guidance.flown.final_time
-    return Plant(family, truth, longest, modulated=guidance.law.modulates)
+    return Plant(family, truth, longest, modulated=guidance.modulates)
 
 
 @dataclass(frozen=True, eq=False)
@@ -166,7 +166,7 @@ class _Loop:
     def _command(self, time: float) -> Command:
         x, steering = self.flights.x, self.actuator.flown
         told, sensed = self.sensors.navigation(x, steering[RATE]), None
-        if self.guidance.law.senses:
+        if self.guidance.senses:
             model = self.plant.steered(steering[ANGLE])
             sensed = self.sensors.acceleration(np.stack(aerodynamic_acceleration(model, x, time)))
         return self.guidance.step(time, told, sensed)

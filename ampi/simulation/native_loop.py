@@ -108,7 +108,7 @@ class _Loops:
             parts=rhythm.parts,
             stride=rhythm.stride,
             radius=planet.equatorial_radius,
-            senses=self.guidance.law.senses,
+            senses=self.guidance.senses,
         )
 
     def _fixed(self) -> Array:

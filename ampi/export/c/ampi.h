@@ -51,13 +51,13 @@ typedef enum {
     AMPI_NOT_BEGUN               /* no open table, or a flight not begun with it: held */
 } ampi_health;
 
-typedef enum { AMPI_TRACKED = 0, AMPI_REFERENCE, AMPI_HELD } ampi_steering;
+typedef enum { AMPI_TRACKED = 0, AMPI_REFERENCE, AMPI_HELD, AMPI_PLANNED } ampi_steering;
 
 typedef struct {
     double bank_rate;       /* rad/s, to be reached at the end of the cycle */
     double bank_angle;      /* rad, there */
     double angle_of_attack; /* rad, to be added to the schedule's */
-    int32_t steering;       /* ampi_steering: by the law, the reference's own rate, or held */
+    int32_t steering;       /* ampi_steering: by the law, the reference's own rate, held, by a plan */
     int32_t health;         /* ampi_health */
 } ampi_command;
 
@@ -107,9 +107,10 @@ typedef struct {
     double memory[AMPI_N_MEMORY];  /* of the law */
     double limit[3];               /* bank angle, rate, acceleration of this vehicle */
     double rate, bank, angle;      /* last command; NaN before the first, the angle of attack 0 */
+    double asked_rate, asked_angle; /* by a plan (ampi_correction.h), if `is_asked` */
     double given, now, interval, shortest, longest, expected; /* the clock, s */
     uint32_t begins, is_first; /* a time that does not go on begins a flight; the last one did */
-    uint32_t is_begun;
+    uint32_t is_begun, is_asked;
 } ampi_guidance;
 
 /* Checks all of a blob of `size` bytes, of any alignment, which must outlive the table. On failure the

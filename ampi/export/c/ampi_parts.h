@@ -63,6 +63,15 @@ static inline double time_of(const ampi_table *table, double final_time, size_t 
            + number(table, table->times, table->n.points + point) * final_time;
 }
 
+/* Whether the table flies such states [8]. */
+bool ampi_is_plausible(const ampi_table *table, const double *state);
+
+/* A bank angle (rad) that is told, on its turn; one that is none: that of the last command. */
+double ampi_bank_angle(const ampi_guidance *guidance, const ampi_table *table, double told);
+
+/* CRC-32 of bytes [begin, end), zlib's. */
+uint32_t ampi_crc_32(const unsigned char *bytes, size_t begin, size_t end);
+
 /* The rows of a reference at one instant (s). */
 void ampi_row_at(const ampi_table *table, const ampi_reference *reference, double time, double *row);
 

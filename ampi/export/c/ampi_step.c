@@ -105,7 +105,7 @@ static bool advance(ampi_guidance *guidance, const ampi_table *table, double tim
 }
 
 /* Whether the table flies such states; longitude and azimuth may be on another turn. */
-static bool is_plausible(const ampi_table *table, const double *state)
+bool ampi_is_plausible(const ampi_table *table, const double *state)
 {
     size_t i, within = 0u;
     for (i = 0u; i < AMPI_N_STATES; i++) {
@@ -117,7 +117,7 @@ static bool is_plausible(const ampi_table *table, const double *state)
 }
 
 /* The bank angle on its turn; one that is lost is that of the last command. */
-static double bank_angle(const ampi_guidance *guidance, const ampi_table *table, double told)
+double ampi_bank_angle(const ampi_guidance *guidance, const ampi_table *table, double told)
 {
     const double reference = guidance->row[BANK];
     const double last = chosen(guidance->bank != guidance->bank, reference, guidance->bank);
@@ -178,7 +178,8 @@ ampi_command ampi_guidance_step(ampi_guidance *guidance, const ampi_table *table
     const double *told = (navigation != NULL) ? navigation : NOTHING;
     const double *felt = (sensed != NULL) ? sensed : NOTHING;
     double state[AMPI_N_STATES], bank, rate, own, wanted, angle, last;
-    bool is_in_time, is_ended, is_lost, is_state, is_rate;
+    bool is_in_time, is_ended, is_lost, is_state, is_rate, is_held;
+    const bool is_asked = (guidance->is_asked != 0u);
     size_t i, known = 0u;
     int32_t fault;
 
@@ -192,8 +193,8 @@ ampi_command ampi_guidance_step(ampi_guidance *guidance, const ampi_table *table
     ampi_row_at(table, &guidance->reference,
                 ampi_instant(guidance, table, told, felt, &is_ended, &is_lost), guidance->row);
     own = guidance->row[BANK_RATE];
-    bank = bank_angle(guidance, table, told[BANK]);
-    is_state = is_plausible(table, told);
+    bank = ampi_bank_angle(guidance, table, told[BANK]);
+    is_state = ampi_is_plausible(table, told);
     is_rate = fabs(told[BANK_RATE]) <= (FASTEST * guidance->limit[1]);
     for (i = 0u; i < AMPI_N_STATES; i++) {
         state[i] = chosen(is_state, told[i], guidance->row[i]); /* for the law's memory */
@@ -202,14 +203,19 @@ ampi_command ampi_guidance_step(ampi_guidance *guidance, const ampi_table *table
     wanted = ampi_law_command(guidance, table, state, felt, &angle);
     wanted = chosen(is_state, wanted, own);
     angle = chosen(is_state, angle, guidance->angle);
+    is_ended = is_ended && !is_asked; /* a plan has an end of its own */
+    is_held = (is_ended || is_lost) && !is_asked;
 
     fault = (known == AMPI_N_NAVIGATED) ? AMPI_IMPLAUSIBLE_NAVIGATION : AMPI_BAD_NAVIGATION;
     command.health = (is_state && is_rate) ? guidance->reference.health : fault;
     command.health = is_in_time ? command.health : AMPI_BAD_TIME;
     command.health = is_ended ? AMPI_AFTER_FINAL_TIME : command.health;
     command.steering = is_state ? AMPI_TRACKED : AMPI_REFERENCE;
-    command.steering = (is_ended || is_lost) ? AMPI_HELD : command.steering;
-    wanted = chosen(is_ended || is_lost, 0.0, wanted);
+    command.steering = is_held ? AMPI_HELD : command.steering;
+    command.steering = is_asked ? AMPI_PLANNED : command.steering;
+    wanted = chosen(is_held, 0.0, wanted);
+    wanted = chosen(is_asked, guidance->asked_rate, wanted);
+    angle = chosen(is_asked, guidance->asked_angle, angle);
     /* The limits are of commands: from the measured rate, behind a lag of half a second at 10 Hz, they
        would leave a fifth of the acceleration, and the bank angle would overshoot by 19 deg. */
     last = chosen(guidance->rate != guidance->rate, own, guidance->rate);

@@ -33,7 +33,7 @@ static void copy(reader *from, const ampi_table *table, void *to, size_t size)
 }
 
 /* CRC-32 of zlib, half a byte at a time: no table to make, and a quarter of the time of bits. */
-static uint32_t crc_32(const unsigned char *bytes, size_t begin, size_t end)
+uint32_t ampi_crc_32(const unsigned char *bytes, size_t begin, size_t end)
 {
     static const uint32_t OF_HALF[16] = {
         0x00000000u, 0x1DB71064u, 0x3B6E20C8u, 0x26D930ACu, 0x76DC4190u, 0x6B6B51F4u, 0x4DB26158u,
@@ -55,7 +55,7 @@ static ampi_status header_status(const header *told, const unsigned char *blob, 
     if (told->mark != 0x01020304u) { return AMPI_BYTE_ORDER; }
     if ((told->format != 1u) || ((told->spare[0] | told->spare[1]) != 0u)) { return AMPI_VERSION; }
     if ((size_t)told->size != (size - sizeof *told)) { return AMPI_TRUNCATED; }
-    return (crc_32(blob, sizeof *told, size) == told->checksum) ? AMPI_OK : AMPI_CHECKSUM;
+    return (ampi_crc_32(blob, sizeof *told, size) == told->checksum) ? AMPI_OK : AMPI_CHECKSUM;
 }
 
 static bool is_too_large(const ampi_table *table)

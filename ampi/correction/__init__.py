@@ -1,0 +1,1 @@
+"""The plan that is flown, corrected in flight."""
