@@ -8,6 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ampi._native.engine import WHY_NOT, core, is_available
+from ampi.correction.plan import Plans
+from ampi.correction.state import CorrectionState
+from ampi.estimation.estimate import Estimate
+from ampi.estimation.estimator import COUNTED
+from ampi.estimation.settings import EstimatorSettings
 from ampi.export.blob import LAWS, ORDERS
 from ampi.guidance_cycle import not_begun
 from ampi.onboard.command import Command
@@ -19,6 +24,7 @@ from ampi.tracking.law import TrackingLaw
 
 Array = NDArray[np.float64]
 
+WHOLE = ("outcome", "count", "iterations", "propagations", "learnt")  # rows that are whole numbers
 SIZES = ("axes", "rows", "nodes", "segments", "nodes of a segment", "high-density points")
 
 
@@ -67,6 +73,30 @@ class CompiledCycle:
         told = np.stack([flown.final_time, flown.health.astype(float)], axis=1)
         self.code.follow(np.ascontiguousarray(parameters), flown.nodal, told)
         self._is_begun = True
+
+    def aim(self, targets: Array) -> None:
+        """The targets (4, n) of the correctors from now on."""
+        self.code.aim(np.ascontiguousarray(targets))
+
+    def correction_state(self, settings: EstimatorSettings) -> CorrectionState:
+        """What estimators, of these settings, and correctors know."""
+        n, table = len(self._flown), core().CORRECTED
+        rows = np.empty((sum(count for _, count in table.values()), n))
+        self.code.corrected(rows)
+        own = {name: rows[first : first + count] for name, (first, count) in table.items()}
+        whole = {name: own[name].astype(np.int64) for name in WHOLE}
+        covariance = own["covariance"].reshape(len(own["mean"]), -1, n)
+        return CorrectionState(
+            outcome=whole["outcome"][0],
+            counts=whole["count"],
+            missed=own["missed"],
+            to_go=own["to_go"][0],
+            iterations=whole["iterations"][0],
+            propagations=whole["propagations"][0],
+            plans=Plans(own["fast"][0], own["slow"][0], own["plan"]),
+            estimate=Estimate(own["mean"], covariance, own["altitude"][0], settings),
+            learnt=dict(zip(COUNTED, whole["learnt"], strict=True)),
+        )
 
     def expect_begin(self) -> None:
         """The next time begins a flight if it does not go on."""

@@ -13,14 +13,16 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ampi._native.engine import core
 from ampi.compiled_cycle import CompiledCycle, why_not_compiled
+from ampi.correction.corrected_cycle import CorrectedCycle
 from ampi.correction.onboard_correction import Correction
+from ampi.correction.state import CorrectionState
 from ampi.export.blob import Kind, table_blob
 from ampi.export.model_blob import model_blob
 from ampi.guidance_cycle import GuidanceCycle
@@ -41,6 +43,7 @@ Array = NDArray[np.float64]
 
 N_NAVIGATED = N_STATES + 1  # the states and the bank rate
 N_SENSED = 3
+N_TARGETS = 4
 NATIVE, NUMPY = "native", "numpy"
 ENGINES = ("auto", NATIVE, NUMPY)
 
@@ -206,7 +209,7 @@ class Guidance:
             self._flown.set(i, self._generator.nodal(p))
         self._flown.rewind()
         self._follow(told)
-        self.reset()
+        self._cycle.begin(told)
 
     def follow(self, reference: Reference | Sequence[Reference]) -> None:
         """Fly these references from the next step on, one for each flight; the clock goes on."""
@@ -228,7 +231,7 @@ class Guidance:
     def _cycle_of(self, flown: FlownReferences) -> GuidanceCycle | CompiledCycle:
         if self.engine == NATIVE:
             return CompiledCycle(flown, self.opened, self._opened_model)
-        return GuidanceCycle(flown, self.law, self._stated_cycle)
+        return GuidanceCycle(flown, self.law, self._stated_cycle, self.correction)
 
     @cached_property
     def opened(self) -> Any:
@@ -249,6 +252,41 @@ class Guidance:
         """Whether it changes the angle of attack."""
         own = self.correction
         return self.law.modulates or (own is not None and own.corrector.change > 0.0)
+
+    @property
+    def correction_state(self) -> CorrectionState:
+        """What estimators and correctors of the flights know now.
+
+        Raises
+        ------
+        ValueError
+            If it does not correct.
+        """
+        own = self._corrects("correction_state")
+        if isinstance(self._cycle, CompiledCycle):
+            return self._cycle.correction_state(own.estimator)
+        return cast(CorrectedCycle, self._cycle.corrected).state
+
+    def aim(self, targets: ArrayLike) -> None:
+        """Correct towards other targets from now on: h (m), θ, φ (rad), V (m/s); (4,) or (4, n).
+
+        One that is no number changes nothing.
+
+        Raises
+        ------
+        ValueError
+            If it does not correct.
+        """
+        self._corrects("aim")
+        self._cycle.aim(vectors(targets, N_TARGETS, len(self._flown))[0])
+
+    def _corrects(self, what: str) -> Correction:
+        if self.correction is None:
+            raise ValueError(
+                f"{what}: expected a guidance that corrects its plan, got one that tracks its "
+                "reference; ampi.load_guidance(path, correction='bank') loads one that does"
+            )
+        return self.correction
 
     def corrected(self, correction: Correction | None) -> Guidance:
         """The same with its plans corrected in flight; None: without."""

@@ -1,6 +1,7 @@
 """One cycle of the flight software in numpy, for n flights of one clock.
 
-clock → look-up → plausibility → law → limiter. ampi/export/c/ampi_step.c is the same in C.
+clock → look-up → plausibility → law → limiter. ampi/export/c/ampi_step.c is the same in C. Where a plan
+is corrected in flight (ampi/correction), what it asks for takes the place of what the law does.
 """
 
 from __future__ import annotations
@@ -8,11 +9,13 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from ampi.correction.corrected_cycle import Asked, CorrectedCycle, Known
+from ampi.correction.onboard_correction import Correction
 from ampi.onboard.clock import CycleClock
 from ampi.onboard.command import Command
 from ampi.onboard.flown_references import FlownReferences
 from ampi.onboard.health import Health, Steering
-from ampi.onboard.plausibility import BANK, SANE
+from ampi.onboard.plausibility import BANK, SANE, on_turn_of
 from ampi.onboard.row_layout import N_STATES
 from ampi.tracking.bank_limiter import NEAR_INVERTED, BankLimits, bank_on_turn, limited_rate
 from ampi.tracking.law import Told, TrackingLaw
@@ -26,18 +29,35 @@ class GuidanceCycle:
     """What n flights remember from command to command, and how a command is made."""
 
     def __init__(
-        self, flown: FlownReferences, law: TrackingLaw, stated_cycle: float | None
+        self,
+        flown: FlownReferences,
+        law: TrackingLaw,
+        stated_cycle: float | None,
+        correction: Correction | None = None,
     ) -> None:
         self._flown, self._law, self._table = flown, law, flown.table
         self._clock = CycleClock(stated_cycle)
         self.tracked = np.full((len(self._table.layout), len(flown)), np.nan)
         self._limits: BankLimits | None = None  # nothing is flown yet
+        # what corrects the plans, if anything does
+        self.corrected = None if correction is None else CorrectedCycle(correction, flown)
         self._forget()
 
     def follow(self, parameters: Array, limits: BankLimits) -> None:
         """The references that are flown have changed; of vehicles with these limits."""
         self._flown.look_up_by(self._law.along)
         self._limits = limits
+
+    def begin(self, parameters: Array) -> None:
+        """The flights of p (n, d) begin, on the references that are flown."""
+        self.reset()
+        if self.corrected is not None:
+            self.corrected.begin(parameters)
+
+    def aim(self, targets: Array) -> None:
+        """The targets (4, n) of the correctors from now on."""
+        if self.corrected is not None:
+            self.corrected.aim(targets)
 
     def expect_begin(self) -> None:
         """The next time begins a flight if it does not go on."""
@@ -57,17 +77,35 @@ class GuidanceCycle:
     def step(self, time: float, navigated: Array, felt: Array) -> Command:
         """Commands at a time (s), of navigation (8, n) and accelerations (3, n); both may be written."""
         with np.errstate(all="ignore"):  # of nonsense the health tells
+            asked = self._asked(time, navigated, felt)
             in_time = self._clock.advance(time)
             if self._clock.is_first:
                 self._forget()
             if self._limits is None:
                 return not_begun(len(self._flown))
             told = Told(navigated[:N_STATES], felt, self._clock.expected)
-            return self._steered(told, navigated[N_STATES], self._limits, in_time=in_time)
+            own = self._limits
+            return self._steered(told, navigated[N_STATES], own, in_time=in_time, plan=asked)
 
-    def _steered(self, told: Told, rate: Array, limits: BankLimits, *, in_time: bool) -> Command:
+    def _asked(self, time: float, navigated: Array, felt: Array) -> Asked | None:
+        """What the plans ask for, as seen from the last command."""
+        if self.corrected is None or self._limits is None:
+            return None
+        state, limits = navigated[:N_STATES].copy(), self._limits
+        plausible = self._table.envelope.holds(state)
+        bank = self._bank_angle(state[BANK], self.tracked[BANK], limits)
+        state[BANK] = np.where(np.isnan(bank), on_turn_of(state[BANK], 0.0), bank)
+        state[:, ~plausible] = np.nan
+        known = Known(self._bank, limits.angle, limits.rate, self._clock.expected)
+        return self.corrected.step(time, state, felt, known)
+
+    def _steered(
+        self, told: Told, rate: Array, limits: BankLimits, *, in_time: bool, plan: Asked | None
+    ) -> Command:
         """The command, once time and shapes are known."""
         at, ended, lost = self._look_up(told)
+        if plan is not None:  # it has an end of its own
+            ended, lost = ended & ~plan.is_asked, lost & ~plan.is_asked
         layout = self._table.layout
         own, state = at[layout.bank_rate], told.state
         self.tracked = at
@@ -94,6 +132,10 @@ class GuidanceCycle:
             wanted = np.where(held, 0.0, wanted)
             health = np.where(ended, Health.AFTER_FINAL_TIME, health)
             steering = np.where(held, Steering.HELD, steering)
+        if plan is not None:
+            wanted = np.where(plan.is_asked, plan.rate, wanted)
+            angle = np.where(plan.is_asked, plan.angle, angle)
+            steering = np.where(plan.is_asked, Steering.PLANNED, steering)
         clock = self._clock
         # The limits are of commands: from the measured rate, behind a lag of half a second at 10 Hz,
         # they would leave a fifth of the acceleration, and the bank angle would overshoot by 19°.

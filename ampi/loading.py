@@ -9,6 +9,7 @@ from typing import Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 
+from ampi.correction.onboard_correction import Correction
 from ampi.dataset import DatasetError, TrajectoryDataset, read_dataset
 from ampi.guidance import Guidance
 from ampi.missions.mission import Mission
@@ -18,7 +19,7 @@ from ampi.onboard.row_layout import RowKind, RowLayout
 from ampi.onboard.segments import Segments
 from ampi.onboard.subspace import Order
 from ampi.onboard.table import GuidanceTable, nearest_solved
-from ampi.onboard_model import certifier_of
+from ampi.onboard_model import certifier_of, correction_of
 from ampi.pseudospectral.mesh import Mesh
 from ampi.table_sensitivities import loads, table_sensitivities
 from ampi.tracking.bank_limiter import BankLimits
@@ -30,6 +31,7 @@ from ampi.tracking.linear_quadratic import LinearQuadratic
 Array = NDArray[np.float64]
 Holes = Literal["refuse", "fly"]
 HOLES: tuple[Holes, ...] = get_args(Holes)
+CORRECTIONS = ("none", "bank", "bank_and_angle")
 
 
 def law_of(law: TrackingLaw | str, mission: Mission) -> TrackingLaw:
@@ -155,6 +157,7 @@ def load_guidance(
     cycle: float | None = None,
     law: TrackingLaw | str = "linear_quadratic",
     orders: Mapping[str, Order | str] | None = None,
+    correction: Correction | str = "none",
     engine: str = "auto",
 ) -> Guidance:
     """Guidance from a database file, checked: schema version, checksums, completeness.
@@ -177,6 +180,10 @@ def load_guidance(
     orders
         Orders of interpolation by the names of parameters, {"speed": "quadratic"}; all others are
         the mode's.
+    correction
+        What corrects the plan in flight: "none", the reference is tracked; "bank"; "bank_and_angle",
+        with the angle of attack as far as the mission allows; or one with settings of one's own,
+        from `ampi.onboard_model.correction_of`.
     engine
         What computes: "native", "numpy", or "auto", native where it is built.
 
@@ -192,6 +199,7 @@ def load_guidance(
         cycle=cycle,
         law=law,
         orders=orders,
+        correction=correction,
         engine=engine,
     )
 
@@ -204,6 +212,7 @@ def guidance_of(
     cycle: float | None = None,
     law: TrackingLaw | str = "linear_quadratic",
     orders: Mapping[str, Order | str] | None = None,
+    correction: Correction | str = "none",
     engine: str = "auto",
 ) -> Guidance:
     """The same from a database that has been read."""
@@ -224,8 +233,24 @@ def guidance_of(
         mission_sha256=dataset.mission.digest,
         orders=_orders(names, Mode(mode), orders),
         certifier=_certifier(dataset.mission, table),
+        correction=_correction(dataset.mission, correction),
         engine=engine,
     )
+
+
+def _correction(mission: Mission, given: Correction | str) -> Correction | None:
+    if isinstance(given, Correction):
+        return given
+    if given not in CORRECTIONS:
+        raise ValueError(f"correction: expected one of {', '.join(CORRECTIONS)}, got {given!r}")
+    if given == "bank_and_angle" and mission.limits.angle_of_attack_change is None:
+        raise ValueError(
+            f"correction: expected bank, for {mission.name} does not say by how much its angle of "
+            "attack may change (limits.angle_of_attack_change_deg), got bank_and_angle"
+        )
+    if given == "none":
+        return None
+    return correction_of(mission, angle_of_attack=given == "bank_and_angle")
 
 
 def _orders(

@@ -5,11 +5,14 @@ What a form on board cannot express is refused here, on the ground.
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 
 from ampi.correction.onboard_correction import NO_AXIS, Correction
 from ampi.correction.settings import CorrectorSettings
+from ampi.estimation.settings import EstimatorSettings
 from ampi.missions.mission import Mission
 from ampi.missions.parameters import at
 from ampi.missions.path_limits import PathLimits
@@ -203,15 +206,34 @@ def certifier_of(mission: Mission, segments: Segments) -> Certifier:
     )
 
 
-def correction_of(mission: Mission, **corrector: float) -> Correction:
-    """What corrects plans of the mission in flight; with numbers of `CorrectorSettings` of one's own.
+def correction_of(
+    mission: Mission,
+    *,
+    angle_of_attack: bool = True,
+    corrector: CorrectorSettings | None = None,
+    estimator: EstimatorSettings | None = None,
+) -> Correction:
+    """What corrects plans of the mission in flight, by bank and, where it may be changed, by α.
+
+    `change` and `change_rate` of the corrector's settings are the mission's; with `angle_of_attack`
+    false it is corrected by bank alone.
 
     Raises
     ------
     ValueError
-        If the model on board cannot express the mission.
+        If the model on board cannot express the mission, or its target's position is free.
     """
-    target = mission.target
+    target, limits = mission.target, mission.limits
+    if target.position == "free":
+        raise ValueError(
+            "target.position: expected fixed, there is nothing to correct towards, got free"
+        )
+    change = limits.angle_of_attack_change if angle_of_attack else None
+    own = replace(
+        corrector or CorrectorSettings(),
+        change=change or 0.0,
+        change_rate=limits.angle_of_attack_rate or 0.0,
+    )
     paths = [parameter.number.path for parameter in mission.parameters]
     axes = tuple(
         paths.index(("target", name)) if ("target", name) in paths else NO_AXIS for name in TARGET
@@ -220,5 +242,6 @@ def correction_of(mission: Mission, **corrector: float) -> Correction:
         model=flight_model_of(mission),
         target=(target.altitude, target.longitude, target.latitude, target.speed),
         target_axes=axes,
-        corrector=CorrectorSettings(**corrector),
+        estimator=estimator or EstimatorSettings(),
+        corrector=own,
     )

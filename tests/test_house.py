@@ -16,11 +16,7 @@ FUNCTION_LINES = 60  # its docstring included
 # what is open still; the lists may only shrink
 LONG_FILES: set[str] = set()
 LONG_FUNCTIONS: set[str] = set()
-UNREACHED: set[str] = {
-    "ampi.simulation.estimates.sensitivity",
-    "ampi.estimation",
-    *(f"ampi.estimation.{name}" for name in ("settings", "estimate", "measurement", "estimator")),
-}
+UNREACHED: set[str] = {"ampi.simulation.estimates.sensitivity"}
 
 # what people start and import: the packages, the commands, the scripts, and what the README shows
 DOORS = {"ampi", "ampi.cli.__main__", "database"}

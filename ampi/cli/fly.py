@@ -14,6 +14,7 @@ from ampi.cli.cluster import cluster
 from ampi.cli.console import error_out, print_json
 from ampi.cli.endings import refusals
 from ampi.cli.options import (
+    CorrectionOption,
     DatabaseArgument,
     EngineOption,
     Force,
@@ -52,6 +53,7 @@ def fly(
     world: WorldOption = "entry",
     law: LawOption = "linear_quadratic",
     modes: ModesOption = "nominal,mpi,ampi,quadratic",
+    correction: CorrectionOption = "none",
     seed: SeedOption = 2016,
     pool: PoolOption = "reported",
     holes: HolesOption = "refuse",
@@ -79,14 +81,15 @@ def fly(
 ) -> None:
     """Fly closed-loop entries, the same draws by every scheme, and give the verdict.
 
-    A scheme is a world, a tracking law and a reference; several of each may be given, by commas. With
-    --case one flight of the campaign is flown again, bit for bit, and told cycle by cycle.
+    A scheme is a world, a tracking law, a reference and what corrects the plan that it begins with;
+    several of each may be given, by commas. With --case one flight of the campaign is flown again, bit
+    for bit, and told cycle by cycle.
     """
     options: CampaignOptions = {"seed": seed, "pool": pool, "cycle": cycle, "engine": engine}
     stop = None if stop_percent is None else (stop_radius_km * KILO, stop_percent / PERCENT)
     with refusals():
         dataset = _read(path)
-        schemes = schemes_of(dataset, world, law, modes, holes)
+        schemes = schemes_of(dataset, world, law, modes, holes, correction)
         if case is not None:
             files = CaseFiles(recorded=output, table=table, plot=plot, force=force)
             fly_case(dataset.mission, schemes, case, options, files, as_json=as_json)
@@ -148,26 +151,37 @@ def _check(
 
 
 def schemes_of(
-    dataset: TrajectoryDataset, world: str, law: str, modes: str, holes: str
+    dataset: TrajectoryDataset,
+    world: str,
+    law: str,
+    modes: str,
+    holes: str,
+    correction: str = "none",
 ) -> dict[str, Scheme]:
-    """Every world × law × reference, named by what they differ in."""
-    from ampi.loading import HOLES, LAWS, guidance_of
+    """Every world × law × reference × correction, named by what they differ in."""
+    from ampi.loading import CORRECTIONS, HOLES, LAWS, guidance_of
     from ampi.onboard.reference import Mode
     from ampi.simulation.monte_carlo import Scheme
     from ampi.simulation.world_loading import load_world
 
     asked = one_of(HOLES, holes, "--holes")
-    laws = {name: one_of(LAWS, name, "--law") for name in _names(law)}
+    laws = [one_of(LAWS, name, "--law") for name in _names(law)]
     chosen = [one_of([m.value for m in Mode], name, "--modes") for name in _names(modes)]
+    corrections = [one_of(CORRECTIONS, name, "--correction") for name in _names(correction)]
     worlds = {loaded.name: loaded for loaded in map(load_world, _names(world))}
-    guides = {name: guidance_of(dataset, law=own, holes=asked) for name, own in laws.items()}
+    guides = {
+        (own, how): guidance_of(dataset, law=own, holes=asked, correction=how)
+        for own in laws
+        for how in corrections
+    }
     found = {}
     for place, loaded in worlds.items():
         loaded.checked(dataset.mission)
-        for name, guide in guides.items():
+        for (own, how), guide in guides.items():
             for mode in chosen:
-                parts = [place] * (len(worlds) > 1) + [name] * (len(guides) > 1)
-                found[" ".join([*parts, mode])] = Scheme(guide.in_mode(mode), loaded)
+                parts = [place] * (len(worlds) > 1) + [own] * (len(laws) > 1) + [mode]
+                parts += [how] * (len(corrections) > 1)
+                found[" ".join(parts)] = Scheme(guide.in_mode(mode), loaded)
     return found
 
 

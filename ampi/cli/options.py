@@ -51,6 +51,13 @@ LawOption = Annotated[
     str,
     typer.Option(help="Comma-separated: linear_quadratic, drag_sliding_mode, drag_shuttle."),
 ]
+CorrectionOption = Annotated[
+    str,
+    typer.Option(
+        "--correction",
+        help="Of the plan in flight, comma-separated: none, bank, bank_and_angle (of attack).",
+    ),
+]
 MODES = "nominal, mpi, ampi, nearest, quadratic, cubic, second_differences, hermite"
 ONE_MODE = f"One of {MODES}."
 ModesOption = Annotated[str, typer.Option(help=f"Comma-separated: {MODES}.")]

@@ -20,3 +20,8 @@ class Correction:
     target_axes: tuple[int, ...] = (NO_AXIS,) * 4  # which parameters they are
     estimator: EstimatorSettings = field(default_factory=EstimatorSettings)
     corrector: CorrectorSettings = field(default_factory=CorrectorSettings)
+
+    @property
+    def name(self) -> str:
+        """By what it corrects."""
+        return "bank_and_angle" if self.corrector.change > 0.0 else "bank"

@@ -223,6 +223,18 @@ class FlightModelData:
 
     def rates(self, state: Array, bank_rate: Any, time: Any, factors: Factors = NOMINAL) -> Array:
         """ẋ (7, …) of `state` (7, …) under `bank_rate` (rad/s) at `time` (s)."""
+        return self._rates(state, bank_rate, time, factors)[0]
+
+    def rates_and_loads(
+        self, state: Array, bank_rate: Any, time: Any, factors: Factors = NOMINAL
+    ) -> tuple[Array, tuple[Any, Any, Any]]:
+        """`rates` and `loads` at once: the air is looked up once."""
+        rates, air = self._rates(state, bank_rate, time, factors)
+        return rates, self._loads(air)
+
+    def _rates(
+        self, state: Array, bank_rate: Any, time: Any, factors: Factors
+    ) -> tuple[Array, AirLoads]:
         altitude, speed = state[ALTITUDE], state[SPEED]
         (sin_lat, sin_fpa, sin_azi, sin_bank) = np.sin(state[ANGLES])
         (cos_lat, cos_fpa, cos_azi, cos_bank) = np.cos(state[ANGLES])
@@ -257,7 +269,7 @@ class FlightModelData:
             + centrifugal / level * sin_lat * sin_azi
         )
         found[BANK] = bank_rate
-        return found
+        return found, air
 
     def _gravity(self, radius: Any, sin_latitude: Any) -> Any:
         """μ/r² · [1 + 3/2 J2 (R_e/r)² (1 − 3 sin²φ)] (m/s²)."""

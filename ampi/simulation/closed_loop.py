@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ampi.correction.corrector import CorrectionOutcome
 from ampi.guidance import Guidance
 from ampi.missions.family import MissionFamily
 from ampi.missions.mission import Mission
@@ -42,6 +43,7 @@ class FlightBatch:
     saturation: Array  # (n,), share of the cycles with bank angle or bank rate at its limit
     activity: Array  # (n,), rad: ∫ |σ̇| dt
     rebound: Array  # (n,), m: highest altitude after the first minimum; NaN if there was none
+    corrections: NDArray[np.int64]  # (n, outcomes): how often each CorrectionOutcome has come
     times: Array  # (k,), s
     states: Array  # (n, 7, k)
     reference_states: Array  # (n, 7, k)
@@ -143,6 +145,7 @@ class _Loop:
             saturation=tally.saturated / np.maximum(tally.cycles, 1),
             activity=tally.activity,
             rebound=tally.rebound,
+            corrections=corrections_of(self.guidance, len(tally.cycles)),
             times=np.array(times),
             states=np.stack(states, axis=2),
             reference_states=np.stack(references, axis=2),
@@ -178,6 +181,13 @@ class _Loop:
         steering = self.actuator.flown.copy()
         state[gone], reference[gone], steering[:, gone] = np.nan, np.nan, np.nan
         self.record.append((time, state, reference, steering))
+
+
+def corrections_of(guidance: Guidance, n: int) -> NDArray[np.int64]:
+    """How often each outcome of a correction has come (n, outcomes)."""
+    if guidance.correction is None:
+        return np.zeros((n, len(CorrectionOutcome)), dtype=np.int64)
+    return guidance.correction_state.counts.T.copy()
 
 
 def saturated_from(guidance: Guidance, parameters: Array) -> tuple[Any, Any]:

@@ -30,8 +30,9 @@ class Flights:
 
     mission: str
     mission_sha256: str
-    guidance_sha256: str  # of table, limits and law
+    guidance_sha256: str  # of table, limits, law and correction
     law: str  # that tracks
+    correction: str  # by what plans are corrected in flight: none, bank or bank_and_angle
     mode: Mode  # of the reference
     world: str
     world_sha256: str
@@ -54,6 +55,7 @@ class Flights:
     status: NDArray[np.int64]  # (n,), FlightStatus
     final_states: Array  # (n, 7), where the speed reached its target
     final_time: Array  # (n,), s
+    corrections: NDArray[np.int64]  # (n, outcomes): how often each CorrectionOutcome has come
     miss: Array  # (n,), m: great-circle distance to the target
     along: Array  # (n,), m: miss along the nominal ground track, positive beyond the target
     across: Array  # (n,), m: miss across it, positive to the right

@@ -16,13 +16,14 @@ from typing import Any
 
 import numpy as np
 
+from ampi.correction.corrector import CorrectionOutcome
 from ampi.hdf5.seal import Seal
 from ampi.onboard.reference import Mode
 from ampi.physics.state import CONTROL_UNITS, STATE_UNITS, STATES
 from ampi.simulation.profiles import ALTITUDES
 from ampi.simulation.uncertainties import BY_NAME
 
-SCHEMA_VERSION = 2
+SCHEMA_VERSION = 3
 SEAL = Seal("ampi flights")
 FLIGHT, TIME = "flight", "time"
 
@@ -51,6 +52,7 @@ FIELDS: dict[str, Field] = {
     "uncertainty": Field(("uncertainty",), "1", "names of what may be uncertain", "S40"),
     "direction": Field(("direction",), "1", "where the wind blows to", "S20"),
     "altitude": Field(("altitude",), "m", "altitude of the profiles"),
+    "outcome": Field(("outcome",), "1", "names of what becomes of a correction", "S20"),
     "radius": Field(("radius",), "m", "radii within which the verdict counts flights"),
     "numbers": Field((FLIGHT, "uncertainty"), "SI, rad", "what was true, of each uncertainty"),
     "density": Field((FLIGHT, "altitude"), "1", "true density over the mission's"),
@@ -70,6 +72,7 @@ FIELDS: dict[str, Field] = {
     "saturation": Field((FLIGHT,), "1", "share of the cycles with bank angle or rate at its limit"),
     "activity": Field((FLIGHT,), "rad", "integral of the size of the bank rate"),
     "rebound": Field((FLIGHT,), "m", "highest altitude after the first descent"),
+    "corrections": Field((FLIGHT, "outcome"), "1", "corrections in flight, by outcome", "i8"),
     "distance": Field((FLIGHT,), "m", "distance of the target at entry"),
     "least_range": Field((FLIGHT,), "m", "least range by propagation, of what has not passed"),
     "greatest_range": Field((FLIGHT,), "m", "greatest range, likewise"),
@@ -87,6 +90,7 @@ LABELS: dict[str, Any] = {  # of dimensions whose values are always the same
     "uncertainty": np.array(list(BY_NAME), "S40"),
     "direction": np.array(["east", "north"], "S20"),
     "altitude": ALTITUDES,
+    "outcome": np.array([own.name for own in CorrectionOutcome], "S20"),
 }
 
 # what `Flights` calls the values of a scale
@@ -97,6 +101,7 @@ ATTRIBUTES: dict[str, Callable[[Any], Any]] = {  # numbers and words of a campai
     "mission_sha256": str,
     "guidance_sha256": str,
     "law": str,
+    "correction": str,
     "mode": Mode,
     "world": str,
     "world_sha256": str,

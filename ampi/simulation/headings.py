@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ampi.export.model_blob import model_blob
 from ampi.guidance import Guidance
 from ampi.missions.mission import Mission
 from ampi.missions.path_limits import PathLimits
@@ -30,6 +31,7 @@ def attributes_of(
         "mission": mission.name,
         "mission_sha256": mission.digest,
         "guidance_sha256": digest_of(guidance),
+        "correction": correction_name(guidance),
         "law": guidance.law.name,
         "mode": guidance.mode.value,
         "world": world.name,
@@ -48,13 +50,20 @@ def attributes_of(
     }
 
 
+def correction_name(guidance: Guidance) -> str:
+    """By what its plan is corrected in flight, "none" if it is not."""
+    return "none" if guidance.correction is None else guidance.correction.name
+
+
 def digest_of(guidance: Guidance) -> str:
-    """SHA-256 of what flies in any mode and at any cycle: table, limits and law."""
+    """SHA-256 of what flies in any mode and at any cycle: table, limits, law, correction."""
     table = guidance.table
     shape = (table.centre, table.circular, guidance.orders)
     words = (guidance.law, guidance.limits, guidance.limit_axes, shape)
     arrays = (*table.axes, table.values, table.final_time, table.conversion)
     found = hashlib.sha256(repr(words).encode())
+    if guidance.correction is not None:
+        found.update(model_blob(guidance.correction))
     for array in (*arrays, *table.high_density_time, table.solved, table.sensitivities):
         if array is not None:
             found.update(np.ascontiguousarray(array).tobytes())

@@ -17,7 +17,13 @@ from ampi.guidance import Guidance
 from ampi.missions.family import MissionFamily
 from ampi.missions.mission import Mission
 from ampi.physics.state import N_STATES
-from ampi.simulation.closed_loop import Entries, FlightBatch, Rhythm, saturated_from
+from ampi.simulation.closed_loop import (
+    Entries,
+    FlightBatch,
+    Rhythm,
+    corrections_of,
+    saturated_from,
+)
 from ampi.simulation.native_program import native_plant
 from ampi.simulation.plant import PLANT, RATE, InFlight, Plant
 from ampi.simulation.sensors import BLOCK, NAVIGATED, SENSED
@@ -148,6 +154,7 @@ class _Loops:
             saturation=result["saturated"][0] / np.maximum(result["cycles"][0], 1),
             activity=result["activity"][0],
             rebound=result["rebound"][0],
+            corrections=corrections_of(self.guidance, len(self.truth)),
             times=np.arange(0, cycles, self.rhythm.stride, dtype=float) * self.rhythm.cycle,
             states=np.ascontiguousarray(records[:, STATES].T),
             reference_states=np.ascontiguousarray(records[:, REFERENCE].T),

@@ -10,7 +10,6 @@ from ampi.estimation.estimate import ATTACK, EAST, ESTIMATED, LIFT, LOCAL, LOG_D
 from ampi.estimation.estimator import COUNTED, MOST, Estimator
 from ampi.estimation.measurement import Measurement
 from ampi.estimation.settings import EstimatorSettings
-from ampi.missions.loading import load_mission
 from ampi.onboard.flight_model import (
     ALTITUDE,
     AZIMUTH,
@@ -20,7 +19,7 @@ from ampi.onboard.flight_model import (
     Factors,
     FlightModelData,
 )
-from ampi.onboard_model import flight_model_of
+from tests.support.descents import descent
 
 Array = NDArray[np.float64]
 
@@ -31,23 +30,6 @@ EXACT = {
     **dict.fromkeys(("relative", "floor"), 1e-4),
     **dict.fromkeys(("length", "wind_length"), 1e9),  # all is constant
 }
-
-
-@pytest.fixture(scope="module")
-def model() -> FlightModelData:
-    return flight_model_of(load_mission("shefex3"))
-
-
-def descent(n: int, time: float, length: float) -> Array:
-    """States (7, n) of flights that come down straight from 60 to 25 km in `length` seconds, weaving."""
-    share = time / length
-    state = np.empty((7, n))
-    state[:] = np.array([60e3 - 35e3 * share, 0.0, 1.2, 4500.0 - 2500.0 * share, -0.05, -1.5, 0.0])[
-        :, None
-    ]
-    state[BANK] = 0.6 * np.sin(0.05 * time) + 0.1 * np.arange(n)
-    state[AZIMUTH] += 0.3 * np.sin(0.02 * time)
-    return state
 
 
 def flown(

@@ -9,7 +9,13 @@ import sys
 import pytest
 
 GROUND = ("scipy", "casadi", "h5py", "clarabel", "cvxpy", "joblib", "pydantic", "numba")
-FLIES = ("ampi.onboard", "ampi.tracking", "ampi.estimation.estimator", "ampi.guidance")
+FLIES = (
+    "ampi.onboard",
+    "ampi.tracking",
+    "ampi.estimation.estimator",
+    "ampi.correction.corrected_cycle",
+    "ampi.guidance",
+)
 PARTS = tuple(
     f"onboard.{name}"
     for name in (
@@ -69,6 +75,7 @@ def test_all_of_it_loads_no_other_room() -> None:
         "onboard",
         "tracking",
         "estimation",
+        "correction",
         "guidance",
         "guidance_cycle",
         "compiled_cycle",

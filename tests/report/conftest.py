@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from ampi.correction.corrector import CorrectionOutcome
 from ampi.loading import segments_of
 from ampi.missions.loading import load_mission
 from ampi.missions.mission import Mission
@@ -96,6 +97,7 @@ def campaign(mission: Mission, mode: Mode) -> Flights:
         mission_sha256="0" * 64,
         guidance_sha256="1" * 64,
         law="linear_quadratic",
+        correction="none",
         mode=mode,
         seed=11,
         engine="numpy",
@@ -106,6 +108,7 @@ def campaign(mission: Mission, mode: Mode) -> Flights:
         status=status,
         final_states=final,
         final_time=np.full(N, FINAL_TIME + 1.0),
+        corrections=np.zeros((N, len(CorrectionOutcome)), dtype=np.int64),
         miss=np.hypot(along, across),
         along=along,
         across=across,

@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from ampi.correction.corrector import CorrectionOutcome
 from ampi.dataset import partial_folder
 from ampi.physics.state import N_STATES
 from ampi.simulation.campaign_records import (
@@ -87,13 +88,15 @@ def flown(campaign: str, number: int) -> dict[str, np.ndarray]:
         "states": rng.standard_normal((SIZE, N_STATES, k)),
         "reference_states": rng.standard_normal((SIZE, N_STATES, k)),
         **{name: rng.standard_normal((SIZE, k)) for name in ("bank_rate", "angle_of_attack")},
+        "corrections": rng.integers(0, 9, (SIZE, len(CorrectionOutcome))),
         "path": rng.random((SIZE, 1, k)),
         "peak": rng.random((SIZE, 1)),
     }
 
 
 def heading(mode: str) -> Heading:
-    words = ("world", "world_sha256", "world_toml", "drawn", "pool", "law", "guidance_sha256")
+    words = ("world", "world_sha256", "world_toml", "drawn", "pool", "law", "correction")
+    words += ("guidance_sha256",)
     numbers = ("position_tolerance", "altitude_tolerance", "speed_tolerance", "entry_altitude")
     attributes = {
         "mission": "synthetic",

@@ -37,7 +37,9 @@ def tables(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-@pytest.mark.parametrize("name", ["arctic", "arctic_january", "entry", "everything", "hexeract"])
+@pytest.mark.parametrize(
+    "name", ["arctic", "arctic_january", "entry", "everything", "factors", "hexeract"]
+)
 def test_shipped_worlds_load_and_their_text_makes_them_again(
     shefex3: Mission, tables: Path, name: str
 ) -> None:

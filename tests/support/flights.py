@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from ampi.correction.corrector import CorrectionOutcome
 from ampi.missions.path_limits import PathLimits
 from ampi.onboard.reference import Mode
 from ampi.simulation.flights import Flights
@@ -54,6 +55,7 @@ def synthetic_flights(n: int = 200, seed: int = 0, **changes: Any) -> Flights:
         "mission_sha256": "0" * 64,
         "guidance_sha256": "1" * 64,
         "law": "linear_quadratic",
+        "correction": "none",
         "mode": Mode.AMPI,
         "seed": 7,
         "engine": "numpy",
@@ -64,6 +66,7 @@ def synthetic_flights(n: int = 200, seed: int = 0, **changes: Any) -> Flights:
         "status": np.zeros(n, dtype=np.int64),
         "final_states": rng.standard_normal((n, 7)),
         "final_time": rng.uniform(500.0, 600.0, n),
+        "corrections": np.zeros((n, len(CorrectionOutcome)), dtype=np.int64),
         "miss": np.hypot(along, across),
         "along": along,
         "across": across,

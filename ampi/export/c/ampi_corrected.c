@@ -9,7 +9,10 @@ void ampi_corrector_aim(ampi_corrector *corrector, const double target[4])
 {
     size_t i, known = 0u;
     for (i = 0u; i < 4u; i++) { known += (fabs(target[i]) < AMPI_SANE) ? 1u : 0u; }
-    if (known == 4u) { (void)memcpy(corrector->target, target, sizeof corrector->target); }
+    if (known == 4u) {
+        (void)memcpy(corrector->target, target, sizeof corrector->target);
+        if (corrector->has_plan != 0u) { corrector->next = 0.0; } /* it is corrected at once */
+    }
 }
 
 void ampi_corrector_begin(ampi_corrector *corrector, const ampi_model *model, const ampi_table *table,
@@ -77,13 +80,16 @@ static bool take_state(ampi_corrector *corrector, const ampi_model_data *model,
         (void)memcpy(corrector->state, told, sizeof corrector->state);
         corrector->state[LONGITUDE] = on_turn_of(told[LONGITUDE], corrector->target[1]);
         corrector->state[BANK] = ampi_bank_angle(guidance, table, told[BANK]);
+        if (!(fabs(corrector->state[BANK]) < AMPI_SANE)) { /* before the reference has been looked up */
+            corrector->state[BANK] = on_turn_of(told[BANK], 0.0);
+        }
         corrector->lost_since = AMPI_NAN;
     } else if (passed > 0.0) {
         const double *state = corrector->state;
         const ampi_angles angles = ampi_angles_of(state);
         const ampi_factors factors = ampi_factors_at(&corrector->estimate, model, state[ALTITUDE]);
         const double angle = ampi_scheduled_angle(model, corrector->time, state[SPEED])
-                             + corrector->change + factors.angle;
+                             + (factors.angle + corrector->change);
         const ampi_air air = ampi_air_at(model, &factors, state, &angles, angle);
         double rates[6];
         ampi_rates(model, state, &angles, &air, rates);
@@ -139,11 +145,11 @@ static void ask(const ampi_corrector *corrector, const ampi_model_data *model, a
     const double *state = corrector->state;
     const ampi_angles angles = ampi_angles_of(state);
     const ampi_factors factors = ampi_factors_at(&corrector->estimate, model, state[ALTITUDE]);
-    const double angle = ampi_scheduled_angle(model, corrector->time, state[SPEED]) + corrector->change
-                         + factors.angle;
+    const double angle = ampi_scheduled_angle(model, corrector->time, state[SPEED])
+                         + (factors.angle + corrector->change);
     const ampi_air air = ampi_air_at(model, &factors, state, &angles, angle);
     const double speed = ampi_equivalent_speed(model, corrector->target, state);
-    const double lead = model->corrector.lead;
+    const double lead = model->corrector.lead + guidance->expected; /* it is reached at its end */
     const double most_change = model->corrector.change_rate * guidance->expected;
     double rates[6], slowing, ahead, bank, change;
     ampi_rates(model, state, &angles, &air, rates);
@@ -175,6 +181,9 @@ ampi_command ampi_corrected_step(ampi_corrector *corrector, const ampi_model *mo
             const double unsure = 0.5 * fabs(corrector->commanded - corrector->change);
             ampi_estimate_update(&corrector->estimate, of, time, corrector->state, felt,
                                  corrector->change, unsure);
+        } else {
+            corrector->estimate.nis = AMPI_NAN;
+            corrector->estimate.unusable += 1u;
         }
         correct_in_time(corrector, of, guidance, table, is_state);
         if (corrector->has_plan != 0u) { ask(corrector, of, guidance); }

@@ -3,7 +3,7 @@
 
 #define NEVER 1e300 /* cost of a flight that does not arrive at the target's speed */
 #define BISECTIONS 40u
-#define ROUNDS 6u    /* of the active set, at the most */
+#define ROUNDS 10u   /* of the active set, at the most */
 #define REJECTIONS 6u /* of one step, at the most */
 #define BANK_STEP 0.01    /* rad, of the differences */
 #define CHANGE_STEP 0.003 /* rad */
@@ -51,7 +51,7 @@ static ampi_air rates_at(const ampi_setting *with, const double *state, double t
     const ampi_factors factors = ampi_factors_at(with->estimate, with->model, state[ALTITUDE]);
     const double angle = ampi_scheduled_angle(with->model, time, state[SPEED]);
     const ampi_air air =
-        ampi_air_at(with->model, &factors, state, &angles, angle + state[CHANGE] + factors.angle);
+        ampi_air_at(with->model, &factors, state, &angles, angle + (factors.angle + state[CHANGE]));
     ampi_rates(with->model, state, &angles, &air, rates);
     return air;
 }
@@ -108,9 +108,10 @@ static void advance(const ampi_setting *with, const ampi_plan *plan, const ampi_
 /* Cubic through two points, a share w of the way. */
 static double between(const ampi_point *from, const ampi_point *to, size_t row, double w)
 {
-    const double h = to->time - from->time, v = 1.0 - w;
-    return v * v * (1.0 + 2.0 * w) * from->state[row] + w * w * (3.0 - 2.0 * w) * to->state[row]
-           + h * w * v * (v * from->rates[row] - w * to->rates[row]);
+    const double h = to->time - from->time, way = to->state[row] - from->state[row];
+    const double first = h * from->rates[row], last = h * to->rates[row];
+    const double bend = 3.0 * way - 2.0 * first - last, twist = first + last - 2.0 * way;
+    return from->state[row] + w * (first + w * (bend + w * twist));
 }
 
 /* Where the target's speed is reached between two points: the miss and the excess of the limits. */
@@ -254,15 +255,36 @@ static void solve_free(const ampi_normal_equations *of, const bool *is_free, dou
         solved[i] = sum / lower[i][i];
     }
     for (i = n; i > 0u; i--) {
-        double sum = solved[i - 1u];
-        for (k = i; k < n; k++) { sum -= lower[k][i - 1u] * step[at[k]]; }
-        step[at[i - 1u]] = sum / lower[i - 1u][i - 1u];
+        const double own = solved[i - 1u] / lower[i - 1u][i - 1u];
+        for (k = 0u; k < (i - 1u); k++) { solved[k] -= lower[i - 1u][k] * own; }
+        step[at[i - 1u]] = own;
     }
 }
 
 static double bound_of(const ampi_setting *with, size_t i)
 {
     return (i < AMPI_N_BANKS) ? with->angle : with->model->corrector.change;
+}
+
+/* Lets go what is held at a bound and would come back from it by itself. Whether there is such a thing. */
+static bool let_go(const ampi_corrector *corrector, const ampi_setting *with,
+                   const ampi_normal_equations *of, const double *step, bool *is_free)
+{
+    bool has_changed = false;
+    size_t i, j;
+    for (i = 0u; i < AMPI_N_PLAN; i++) {
+        const double bound = bound_of(with, i), value = corrector->plan.value[i];
+        double slope = 0.0;
+        for (j = 0u; j < AMPI_N_PLAN; j++) { slope += of->matrix[i][j] * step[j]; }
+        slope -= of->right[i];
+        if (!is_free[i]
+            && (((step[i] >= (bound - value)) && (slope > 0.0))
+                || ((step[i] <= (-bound - value)) && (slope < 0.0)))) {
+            is_free[i] = true;
+            has_changed = true;
+        }
+    }
+    return has_changed;
 }
 
 /* The step that keeps the bounds: what would leave them is held there, and the rest is solved anew. */
@@ -291,6 +313,7 @@ static void set_step(const ampi_corrector *corrector, const ampi_setting *with,
             }
             step[i] = kept;
         }
+        if (!has_changed) { has_changed = let_go(corrector, with, of, step, is_free); }
     }
     for (i = 0u; i < AMPI_N_BANKS; i++) { size = most(size, fabs(step[i])); }
     if (size > with->model->corrector.longest_step) {
@@ -298,7 +321,8 @@ static void set_step(const ampi_corrector *corrector, const ampi_setting *with,
     }
 }
 
-/* The first point from which the value i of the plan makes a difference. */
+/* A point from which on the value i of the plan may make a difference: a step before the one that comes
+   to its speeds, as the stages of a step may be slower than both its points. */
 static size_t first_point(const ampi_corrector *corrector, size_t i)
 {
     const bool is_bank = i < AMPI_N_BANKS;
@@ -308,7 +332,7 @@ static size_t first_point(const ampi_corrector *corrector, size_t i)
     const double fast = corrector->plan.fast - ((double)own - 1.0) * way;
     size_t at = 0u;
     while (((at + 2u) < corrector->points) && (corrector->path[at + 1u].speed > fast)) { at += 1u; }
-    return (own < 2u) ? 0u : at;
+    return ((own < 2u) || (at == 0u)) ? 0u : (at - 1u);
 }
 
 static void set_jacobian(ampi_corrector *corrector, const ampi_setting *with, const double *missed)
@@ -367,6 +391,7 @@ static bool improve(ampi_corrector *corrector, const ampi_setting *with, double 
     ampi_normal_equations equations;
     size_t tries;
     for (tries = 0u; (tries < REJECTIONS) && (corrector->propagations < budget); tries++) {
+        const double to_go = corrector->to_go;
         double step[AMPI_N_PLAN], moved[AMPI_N_MISSED], found = NEVER;
         size_t i;
         set_equations(corrector, with->model, missed, *lambda, &equations);
@@ -386,6 +411,7 @@ static bool improve(ampi_corrector *corrector, const ampi_setting *with, double 
             *lambda *= 0.1;
             return true;
         }
+        corrector->to_go = to_go; /* of the plan, not of the trial */
         *lambda *= 10.0;
     }
     return false;
@@ -396,7 +422,7 @@ ampi_correction ampi_correct(ampi_corrector *corrector, const ampi_model_data *m
     const ampi_setting with = {model, &corrector->estimate, corrector->target, limit[1], limit[0]};
     static const double NOTHING[3] = {0.0, 0.0, 0.0};
     const size_t most_iterations = (size_t)model->corrector.iterations;
-    double missed[AMPI_N_MISSED], cost, lambda = 1.0, before, far;
+    double missed[AMPI_N_MISSED], cost, lambda = 1.0, far;
     ampi_correction outcome = AMPI_PLAN_BETTERED;
     ampi_point *first = &corrector->path[0];
     bool goes_on = true, has_changed = false;
@@ -408,9 +434,16 @@ ampi_correction ampi_correct(ampi_corrector *corrector, const ampi_model_data *m
     first->time = corrector->time;
     complete(&with, first, NOTHING);
     lay(&corrector->plan, first->speed, corrector->target[3]);
-    if (!predict(corrector, &with, &corrector->plan, 0u, true, missed)) { return AMPI_NO_ARRIVAL; }
-    cost = cost_of(model, missed, corrector->plan.value);
-    before = cost;
+    if (predict(corrector, &with, &corrector->plan, 0u, true, missed)) {
+        cost = cost_of(model, missed, corrector->plan.value);
+    } else { /* then wings level, on the schedule: that goes the farthest */
+        corrector->trial = corrector->plan;
+        (void)memset(corrector->trial.value, 0, sizeof corrector->trial.value);
+        if (!predict(corrector, &with, &corrector->trial, 0u, true, missed)) { return AMPI_NO_ARRIVAL; }
+        corrector->plan = corrector->trial;
+        cost = cost_of(model, missed, corrector->plan.value);
+        has_changed = true;
+    }
     while (goes_on && !is_there(model, missed)) {
         const double last = cost;
         set_jacobian(corrector, &with, missed);
@@ -429,7 +462,7 @@ ampi_correction ampi_correct(ampi_corrector *corrector, const ampi_model_data *m
     } else if (!has_changed) {
         outcome = AMPI_NO_BETTER;
     } else {
-        outcome = (cost < before) ? AMPI_PLAN_BETTERED : AMPI_NO_BETTER;
+        outcome = AMPI_PLAN_BETTERED;
     }
     return outcome;
 }

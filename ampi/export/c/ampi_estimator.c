@@ -59,11 +59,10 @@ typedef struct {
 
 static void add_noise(ampi_expected *expected, const double *direction, double size)
 {
+    const double sized[3] = {size * direction[0], size * direction[1], size * direction[2]};
     size_t i, j;
     for (i = 0u; i < 3u; i++) {
-        for (j = 0u; j < 3u; j++) {
-            expected->noise[i][j] += size * size * direction[i] * direction[j];
-        }
+        for (j = 0u; j < 3u; j++) { expected->noise[i][j] += sized[i] * sized[j]; }
     }
 }
 
@@ -72,14 +71,14 @@ static void set_noise(ampi_expected *expected, const ampi_model_data *model, con
                       const ampi_angles *angles, double unsure)
 {
     const double *f = expected->of;
-    const double size = sqrt(f[0] * f[0] + f[1] * f[1] + f[2] * f[2]);
+    const double squares = f[0] * f[0] + f[1] * f[1] + f[2] * f[2];
     const double path[3] = {f[1], -f[0], 0.0};
     const double azimuth[3] = {f[2] * angles->cos_path, -f[2] * angles->sin_path,
                                f[1] * angles->sin_path - f[0] * angles->cos_path};
     const double bank[3] = {0.0, -f[2], f[1]};
     const double attack[3] = {expected->slope[0][ATTACK], expected->slope[1][ATTACK],
                               expected->slope[2][ATTACK]};
-    const double angle = model->estimator.angle, relative = model->estimator.relative * size;
+    const double angle = model->estimator.angle, relative = model->estimator.relative;
     size_t i;
     (void)memset(expected->noise, 0, sizeof expected->noise);
     add_noise(expected, f, model->estimator.altitude / model->estimator.scale_height);
@@ -89,14 +88,15 @@ static void set_noise(ampi_expected *expected, const ampi_model_data *model, con
     add_noise(expected, bank, angle);
     add_noise(expected, attack, unsure);
     for (i = 0u; i < 3u; i++) {
-        expected->noise[i][i] += relative * relative + model->estimator.floor * model->estimator.floor;
+        expected->noise[i][i] +=
+            relative * relative * squares + model->estimator.floor * model->estimator.floor;
     }
 }
 
 static ampi_air felt_at(const ampi_model_data *model, const ampi_factors *factors, const double *state,
-                        const ampi_angles *angles, double time, double change)
+                        const ampi_angles *angles, double time)
 {
-    const double angle = ampi_scheduled_angle(model, time, state[SPEED]) + change + factors->angle;
+    const double angle = ampi_scheduled_angle(model, time, state[SPEED]) + factors->angle;
     return ampi_air_at(model, factors, state, angles, angle);
 }
 
@@ -105,9 +105,11 @@ static void expect(ampi_expected *expected, const ampi_estimate *estimate, const
                    double time, const double *state, double change, double unsure)
 {
     const ampi_angles angles = ampi_angles_of(state);
-    const ampi_factors factors = ampi_factors_at(estimate, model, state[ALTITUDE]);
-    const ampi_air air = felt_at(model, &factors, state, &angles, time, change);
+    ampi_factors factors = ampi_factors_at(estimate, model, state[ALTITUDE]);
+    ampi_air air;
     size_t i, column;
+    factors.angle += change;
+    air = felt_at(model, &factors, state, &angles, time);
     expected->of[0] = air.along;
     expected->of[1] = air.up;
     expected->of[2] = air.right;
@@ -119,7 +121,7 @@ static void expect(ampi_expected *expected, const ampi_estimate *estimate, const
         if (column == EAST) { beside.wind_east += step; }
         if (column == NORTH) { beside.wind_north += step; }
         if (column == ATTACK) { step = ATTACK_STEP; beside.angle += step; }
-        moved = felt_at(model, &beside, state, &angles, time, change);
+        moved = felt_at(model, &beside, state, &angles, time);
         expected->slope[0][column] = (moved.along - air.along) / step;
         expected->slope[1][column] = (moved.up - air.up) / step;
         expected->slope[2][column] = (moved.right - air.right) / step;
@@ -166,10 +168,7 @@ static void learn(ampi_estimate *estimate, const ampi_model_data *model, const a
 {
     double s[3][3], gain[AMPI_N_ESTIMATED][3], nu[3];
     size_t i, j, k;
-    for (i = 0u; i < 3u; i++) {
-        nu[i] = sensed[i] - expected->of[i];
-        for (j = 0u; j < 3u; j++) { s[i][j] = expected->noise[i][j]; }
-    }
+    for (i = 0u; i < 3u; i++) { nu[i] = sensed[i] - expected->of[i]; }
     for (k = 0u; k < AMPI_N_ESTIMATED; k++) {
         for (i = 0u; i < 3u; i++) {
             double sum = 0.0;
@@ -181,7 +180,9 @@ static void learn(ampi_estimate *estimate, const ampi_model_data *model, const a
     }
     for (i = 0u; i < 3u; i++) {
         for (j = 0u; j < 3u; j++) {
-            for (k = 0u; k < AMPI_N_ESTIMATED; k++) { s[i][j] += gain[k][i] * expected->slope[j][k]; }
+            double sum = 0.0;
+            for (k = 0u; k < AMPI_N_ESTIMATED; k++) { sum += gain[k][i] * expected->slope[j][k]; }
+            s[i][j] = sum + expected->noise[i][j];
         }
     }
     factor(s);

@@ -217,8 +217,8 @@ void ampi_rates(const ampi_model_data *model, const double *state, const ampi_an
     rates[ALTITUDE] = speed * sin_fpa;
     rates[LONGITUDE] = turning * sin_azi / cos_lat;
     rates[LATITUDE] = turning * cos_azi;
-    rates[SPEED] = air->along - g * sin_fpa
-                   + centrifugal * (sin_fpa * cos_lat - cos_fpa * sin_lat * cos_azi);
+    rates[SPEED] = centrifugal * (sin_fpa * cos_lat - cos_fpa * sin_lat * cos_azi) + air->along
+                   - g * sin_fpa;
     rates[PATH_ANGLE] = air->up / speed + (speed / radius - g / speed) * cos_fpa
                         + 2.0 * omega * cos_lat * sin_azi
                         + centrifugal / speed * (cos_fpa * cos_lat + sin_fpa * sin_lat * cos_azi);
@@ -236,5 +236,5 @@ void ampi_use(const ampi_model_data *model, const ampi_air *air, double *use)
     const double load = (model->load_is_total != 0.0) ? total : normal;
     use[0] = 0.5 * air->density * air->speed * air->speed / model->limit[0];
     use[1] = heat / model->limit[1];
-    use[2] = load / (model->load_gravity * model->limit[2]);
+    use[2] = load / model->load_gravity / model->limit[2];
 }
