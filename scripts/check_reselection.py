@@ -88,6 +88,7 @@ def settings_of(given: list[str]) -> ReselectionSettings:
 
 
 def main() -> None:
+    """Read the command line and print."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
     parser.add_argument("database", type=Path)
     parser.add_argument("--worlds", nargs="+", default=WORLDS)

@@ -27,9 +27,9 @@ FLOWN_THROUGH = (25e3, 55e3)  # m, over which the mean of a density profile is t
 
 
 class TrueAir:
-    """The truth as a table knows it: constant factors, and the wind where the vehicle is."""
+    """The truth as a table knows it: constant factors, and a share of the wind where the vehicle is."""
 
-    def __init__(self, mission: Mission, truth: Truth) -> None:
+    def __init__(self, mission: Mission, truth: Truth, settings: ReselectionSettings) -> None:
         numbers, model = truth.numbers, flight_model_of(mission)
         angle = model.angle_of_attack.end_angle
         nominal = np.array(model.aerodynamics.coefficients(angle, None))[:, None]
@@ -42,7 +42,7 @@ class TrueAir:
             there = (truth.altitudes > low) & (truth.altitudes < high)
             density = density * truth.density[:, there].mean(axis=1)
         self.density, self.lift, self._truth = density * drag, lift / drag, truth
-        self._wind = np.zeros((2, len(truth)))
+        self._wind, self._share = np.zeros((2, len(truth))), settings.wind
 
     def begin(self, n: int) -> None:
         """As many as the truth has."""
@@ -54,7 +54,8 @@ class TrueAir:
         if wind is not None:
             for flight, altitude in enumerate(navigated[0]):
                 for row in range(2):
-                    self._wind[row, flight] = np.interp(altitude, altitudes, wind[row, flight])
+                    told = np.interp(altitude, altitudes, wind[row, flight])
+                    self._wind[row, flight] = self._share * told
 
     def found(self) -> Found:
         """The truth."""
@@ -100,13 +101,14 @@ def fly_reselecting(
         If the world, the database, or both together are no such thing.
     """
     truth = world.checked(mission).draw(mission, n, seed=seed, pool=pool, first=first)
-    true_air = TrueAir(mission, truth)
+    own = ReselectionSettings() if settings is None else settings
+    true_air = TrueAir(mission, truth, own)
     road = load_reselecting(
         path,
         mission,
         mode=mode,
         cycle=CYCLE,
-        settings=settings,
+        settings=own,
         air=true_air if known else None,
     )
     # a loop asks of a guidance no more than this one has
