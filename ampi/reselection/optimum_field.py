@@ -139,5 +139,15 @@ def _difference(state: Array, other: Array) -> Array:
 
 
 def _solved(matrix: Array, right: Array) -> Array:
-    """x of A x = b, A (n, f, f) positive definite."""
-    return np.asarray(np.linalg.solve(matrix, right[:, :, None])[:, :, 0], dtype=float)
+    """x of A x = b, A (n, f, f) positive definite: no pivots, and the same bits for any n."""
+    a, x, size = matrix.copy(), right.copy(), right.shape[1]
+    for k in range(size):
+        for i in range(k + 1, size):
+            share = a[:, i, k] / a[:, k, k]
+            a[:, i] -= share[:, None] * a[:, k]
+            x[:, i] -= share * x[:, k]
+    for k in reversed(range(size)):
+        for j in range(k + 1, size):
+            x[:, k] -= a[:, k, j] * x[:, j]
+        x[:, k] /= a[:, k, k]
+    return x

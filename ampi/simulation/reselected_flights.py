@@ -40,7 +40,7 @@ class TrueAir:
         if truth.density is not None:
             low, high = FLOWN_THROUGH
             there = (truth.altitudes > low) & (truth.altitudes < high)
-            density = density * truth.density[:, there].mean(axis=1)
+            density = density * np.ascontiguousarray(truth.density[:, there]).mean(axis=1)
         self.density, self.lift, self._truth = density * drag, lift / drag, truth
         self._wind, self._share = np.zeros((2, len(truth))), settings.wind
 
@@ -82,6 +82,7 @@ def fly_reselecting(
     first: int = 0,
     mode: Mode | str = Mode.AMPI,
     known: bool = False,
+    cycle: float = CYCLE,
     settings: ReselectionSettings | None = None,
 ) -> ReselectedFlights:
     """Fly draws first … first + n − 1 of a world of `mission` by a database with more axes.
@@ -94,6 +95,8 @@ def fly_reselecting(
         Database with axes of density and lift.
     known
         Whether factors and wind are told as they are, instead of estimated.
+    cycle
+        Of guidance (s).
 
     Raises
     ------
@@ -107,7 +110,7 @@ def fly_reselecting(
         path,
         mission,
         mode=mode,
-        cycle=CYCLE,
+        cycle=cycle,
         settings=own,
         air=true_air if known else None,
     )
