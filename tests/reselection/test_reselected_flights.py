@@ -49,8 +49,9 @@ def test_reselected_flights_end_nearer_and_are_the_same_alone(path: Path) -> Non
     assert np.count_nonzero(misses(estimated) < misses(fixed)) >= 5
     assert estimated.outcomes.sum(axis=1).min() > 50
     alone = flights(path, n=1, first=3)
-    np.testing.assert_array_equal(
-        alone.batch.final_states[0], estimated.batch.final_states[3], strict=True
+    # the estimator's sums (einsum) have another order alone: rounding, where the road itself has bits
+    np.testing.assert_allclose(
+        alone.batch.final_states[0], estimated.batch.final_states[3], rtol=1e-9
     )
 
 
