@@ -63,11 +63,12 @@ def numbers(checked: CheckedEstimates) -> dict[str, Any]:
 
 def over_time(checked: CheckedEstimates, values: np.ndarray, degrees: int) -> dict[str, Any]:
     """Of the means over the flights at each time."""
-    means = np.nanmean(values, axis=1)
+    known = np.isfinite(values)  # in the first seconds the air is too thin for any measurement
+    means = np.where(known, values, 0.0).sum(axis=1) / np.maximum(known.sum(axis=1), 1)
     return {
         "mean": float(np.nanmean(values)),
-        "greatest": float(np.nanmax(means)),
-        "greatest_at_s": float(checked.times[int(np.nanargmax(means))]),
+        "greatest": float(means.max()),
+        "greatest_at_s": float(checked.times[int(means.argmax())]),
         "degrees_of_freedom": degrees,
         "share_of_times_above_95": float(np.mean(means > checked.bounds(degrees)[: len(means), 1])),
     }

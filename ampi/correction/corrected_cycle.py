@@ -72,7 +72,7 @@ class CorrectedCycle:
         self._settings = correction.corrector
         self._predictor = Predictor(correction.model, correction.corrector)
         self._corrector = Corrector(correction.model, correction.corrector)
-        self._target = np.repeat(np.array(correction.target)[:, None], n, axis=1)
+        self.target = np.repeat(np.array(correction.target)[:, None], n, axis=1)
         self.estimator = Estimator(correction.model, correction.estimator, n)
         self.reset()
 
@@ -101,7 +101,7 @@ class CorrectedCycle:
     def aim(self, targets: Array) -> None:
         """The targets (4, n), corrected for at once; one that is no number changes nothing."""
         known = np.all(np.abs(targets) < SANE, axis=0)
-        self._target = np.where(known, targets, self._target)
+        self.target = np.where(known, targets, self.target)
         self.next[known & self._has_plan] = 0.0
 
     @property
@@ -154,7 +154,7 @@ class CorrectedCycle:
             carried[BANK] = known.bank
             self._state = carried
         self._state[:CHANGE] = np.where(is_state, told, self._state[:CHANGE])
-        turned = on_turn_of(self._state[LONGITUDE], self._target[1])
+        turned = on_turn_of(self._state[LONGITUDE], self.target[1])
         self._state[LONGITUDE] = np.where(is_state, turned, self._state[LONGITUDE])
         self._time = time if is_known else self._time
         return is_state
@@ -189,10 +189,10 @@ class CorrectedCycle:
         return Situation(
             self._time,
             self._state,
-            self._target,
+            self.target,
             self.estimator.estimate,
             np.broadcast_to(known.bank_angle, n),
-            np.broadcast_to(known.bank_rate, n),
+            np.stack(np.broadcast_arrays(known.bank_rate, np.full(n, self._settings.change_rate))),
         )
 
     def _lay_first(self, where: Situation, at: Mask) -> None:
@@ -208,10 +208,10 @@ class CorrectedCycle:
             )
             for i in range(SAMPLES)
         ]
-        speed = np.array([self._predictor.speed(self._target, row) for row in rows])
+        speed = np.array([self._predictor.speed(self.target, row) for row in rows])
         bank = np.array([row[BANK] for row in rows])
-        fast = self._predictor.speed(self._target, self._state)
-        laid = plans_through(speed, bank, fast, self._target[3], where.bank_angle)
+        fast = self._predictor.speed(self.target, self._state)
+        laid = plans_through(speed, bank, fast, self.target[3], where.bank_angle)
         self._set_plans(np.flatnonzero(at), laid.of(np.flatnonzero(at)))
         self._has_plan |= at
 
@@ -242,13 +242,12 @@ class CorrectedCycle:
             return Asked(self._has_plan, self._commanded, self._commanded)
         rates = self._rates(state)
         gravity = self.correction.model.load_factor_gravity
-        speed = self._predictor.speed(self._target, state)
+        speed = self._predictor.speed(self.target, state)
         falls = state[SPEED] * rates[SPEED] + gravity * rates[ALTITUDE]
         ahead = speed + lead * (falls / np.maximum(speed, 1.0))
-        bank, most = self.plans.bank(speed), own.change_rate * known.cycle
-        then, change = self.plans.both(ahead)
+        (bank, _), (then, change) = self.plans.at(speed), self.plans.at(ahead)
         rate = (then - bank) / lead + own.stiffness * (bank - state[BANK])
-        last = self._commanded
+        last, most = self._commanded, own.change_rate * known.cycle
         change = np.minimum(np.maximum(change, last - most), last + most)
         is_asked = self._has_plan & (np.abs(rate) < SANE) & (np.abs(change) < SANE)
         self._commanded = np.where(is_asked, change, last)

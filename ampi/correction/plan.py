@@ -21,6 +21,7 @@ Source: own; energy as the independent variable of entry guidance: Lu 2014.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -40,15 +41,8 @@ def equivalent_speed(gravity: float, target_altitude: Any, altitude: Any, speed:
     return np.sqrt(np.maximum(speed * speed + height, 0.0))
 
 
-def between(values: Array, place: Any) -> Array:
-    """Piecewise linear through `values` (m + 1, …) at places 0 … m of the shape behind; held beyond."""
-    last, size = len(values) - 1, values[0].size
-    inside = np.minimum(np.maximum(place, 0.0), float(last))
-    below = np.minimum(inside, last - 1.0).astype(np.intp)
-    share = inside - below
-    at, flat = below * size + np.arange(size).reshape(below.shape), values.reshape(-1)
-    low = flat.take(at, mode="clip")  # where the place is no number, neither is the share
-    return np.asarray(low + share * (flat.take(at + size, mode="clip") - low))
+FIRST = np.array([0, N_BANKS])  # value of each angle
+LAST = np.array([N_BANKS - 1.0, N_ANGLES - 1.0])  # m of Eq. (2)
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,33 +53,35 @@ class Plans:
     slow: Array  # (n,), m/s: V_f
     values: Array  # (18, n) or (18, k, n), rad: bank angles, changes of the angle of attack
 
-    def bank(self, speed: Array) -> Array:
-        """Bank angle (rad), Eq. (2), at equivalent speeds of the shape behind the values."""
-        return between(self.values[BANKS], self._share(speed) * (N_BANKS - 1.0))
+    @cached_property
+    def _offset(self) -> NDArray[np.intp]:
+        """Places of the first values of both angles in all values: (2, …)."""
+        own = self.values[0]
+        first = FIRST.reshape(2, *(1,) * own.ndim) * own.size
+        return np.asarray(first + np.arange(own.size).reshape(own.shape))
 
-    def change(self, speed: Array) -> Array:
-        """Change of the angle of attack (rad)."""
-        return between(self.values[CHANGES], self._share(speed) * (N_ANGLES - 1.0))
-
-    def both(self, speed: Array) -> tuple[Array, Array]:
-        """Bank angle and change of the angle of attack (rad)."""
-        share = self._share(speed)
-        return (
-            between(self.values[BANKS], share * (N_BANKS - 1.0)),
-            between(self.values[CHANGES], share * (N_ANGLES - 1.0)),
+    def at(self, speed: Array) -> Array:
+        """Bank angle and change of the angle of attack (2, …), rad, Eq. (2), at `speed` (…)."""
+        share, last = (
+            (self.fast - speed) / (self.fast - self.slow),
+            LAST.reshape(2, *(1,) * speed.ndim),
         )
-
-    def _share(self, speed: Array) -> Array:
-        return np.asarray((self.fast - speed) / (self.fast - self.slow))
+        place = np.minimum(np.maximum(share * last, 0.0), last)
+        below = np.minimum(place, last - 1.0).astype(np.intp)
+        size, flat = self.values[0].size, self.values.reshape(-1)
+        at = below * size + self._offset
+        low = flat.take(at, mode="clip")  # where the speed is no number, neither is the share
+        return np.asarray(low + (place - below) * (flat.take(at + size, mode="clip") - low))
 
     def laid(self, fast: Array, slow: Array) -> Plans:
         """The same plans laid on what is left: from `fast` to `slow` (n,), m/s."""
         fast = np.maximum(fast, slow + SHORTEST)
-        banks = [self.bank(fast - i / (N_BANKS - 1.0) * (fast - slow)) for i in range(N_BANKS)]
-        changes = [
-            self.change(fast - i / (N_ANGLES - 1.0) * (fast - slow)) for i in range(N_ANGLES)
+        values = [
+            self.at(fast - i / last * (fast - slow))[angle]
+            for angle, last in enumerate(LAST)
+            for i in range(int(last) + 1)
         ]
-        return Plans(fast, slow, np.stack([*banks, *changes]))
+        return Plans(fast, slow, np.stack(values))
 
     def of(self, flights: NDArray[np.intp]) -> Plans:
         """Those of some flights."""

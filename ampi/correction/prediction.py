@@ -67,7 +67,7 @@ class Situation:
     target: Array  # (4, n): h, θ, φ, V
     estimate: Estimate
     bank_angle: Array  # (n,), ± rad
-    bank_rate: Array  # (n,), ± rad/s
+    rates: Array  # (2, n), ± rad/s: of bank angle and change of the angle of attack
 
     def of(self, flights: NDArray[np.intp]) -> Situation:
         """That of some flights."""
@@ -83,7 +83,7 @@ class Situation:
                 altitude=known.altitude[flights],
             ),
             self.bank_angle[flights],
-            self.bank_rate[flights],
+            self.rates[:, flights],
         )
 
 
@@ -166,10 +166,9 @@ class Predictor:
         self, plans: Plans, where: Situation, begin: Array, passed: float, state: Array
     ) -> None:
         """Eq. (1), into `state`."""
-        bank, change = plans.both(self.speed(where.target, state))
-        far, near = where.bank_rate * passed, self.settings.change_rate * passed
-        state[BANK] = np.minimum(np.maximum(bank, begin[BANK] - far), begin[BANK] + far)
-        state[CHANGE] = np.minimum(np.maximum(change, begin[CHANGE] - near), begin[CHANGE] + near)
+        asked, reach = plans.at(self.speed(where.target, state)), where.rates[:, None] * passed
+        own = begin[BANK:]
+        np.minimum(np.maximum(asked, own - reach), own + reach, out=state[BANK:])
 
     def _rates(self, where: Situation, time: float, state: Array) -> Array:
         return self.model.rates(state[:CHANGE], 0.0, time, factors_at(where.estimate, state))[:BANK]

@@ -58,8 +58,7 @@ class AltitudeCurve:
         powers = np.empty((len(self.terms), *np.shape(eta)))
         powers[0], powers[1:] = 1.0, eta
         np.multiply.accumulate(powers, axis=0, out=powers)
-        shape = (len(self.terms), *(1,) * np.ndim(eta))
-        even, odd = (np.add.reduce(t.reshape(shape) * powers, axis=0) for t in self.terms.T)
+        even, odd = np.einsum("kt,k...->t...", self.terms, powers)
         value = even + xi * odd
         below, above = np.minimum(altitude, 0.0), np.maximum(altitude - self.top, 0.0)
         return value + self.edge_slopes[0] * below + self.edge_slopes[1] * above
@@ -236,8 +235,9 @@ class FlightModelData:
         self, state: Array, bank_rate: Any, time: Any, factors: Factors
     ) -> tuple[Array, AirLoads]:
         altitude, speed = state[ALTITUDE], state[SPEED]
-        (sin_lat, sin_fpa, sin_azi, sin_bank) = np.sin(state[ANGLES])
-        (cos_lat, cos_fpa, cos_azi, cos_bank) = np.cos(state[ANGLES])
+        angles = state[ANGLES]
+        sin_lat, sin_fpa, sin_azi, sin_bank = np.sin(angles)
+        cos_lat, cos_fpa, cos_azi, cos_bank = np.cos(angles)
         track = Track(sin_fpa, cos_fpa, sin_azi, cos_azi)
         through_air = _through_air(state, factors, track)
         air = self._air_loads(state, time, factors, through_air)

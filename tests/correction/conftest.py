@@ -39,7 +39,7 @@ def with_settings(correction: Correction, **changes: Any) -> Corrector:
 
 @pytest.fixture(scope="session")
 def corrector(correction: Correction) -> Corrector:
-    return with_settings(correction)
+    return with_settings(correction, step=8.0)  # for the sake of the tests' time
 
 
 @pytest.fixture(scope="session")
@@ -68,7 +68,7 @@ def flights(correction: Correction, predictor: Predictor) -> Flights:
             target,
             estimate,
             np.full(n, limits.bank_angle),
-            np.full(n, limits.bank_rate),
+            np.array([[limits.bank_rate], [correction.corrector.change_rate]]) + np.zeros(n),
         )
         values = np.zeros((N_PLAN, n))
         values[:N_BANKS] = state[6] + np.linspace(0.0, 1.0, N_BANKS)[:, None] * rng.uniform(

@@ -53,11 +53,15 @@ def test_a_step_in_bounds_is_that_of_scipy(tightness: float) -> None:
     np.testing.assert_allclose(step, best, atol=1e-9)
 
 
-def test_what_stands_at_a_bound_and_is_pushed_on_stays_there() -> None:
+def test_what_is_held_is_drawn_outwards_and_the_rest_not_at_all() -> None:
     matrix, right, values, bound = problems(3, 1.0)
     values[:9] = np.where(right[:9] >= 0.0, 1.0, -1.0)
     step = bounded_step(matrix, right, values, bound)
-    assert not step[:9].any()
+    slope = np.einsum("ijn,jn->in", matrix, step) - right
+    end = values + step
+    at_bound = np.abs(end) >= 1.0 - 1e-12
+    assert at_bound.any() and (slope[at_bound] * end[at_bound] <= 0.0).all()
+    np.testing.assert_allclose(slope[~at_bound], 0.0, atol=1e-6 * np.abs(right).max())
 
 
 def test_flights_in_company_step_as_they_do_alone() -> None:

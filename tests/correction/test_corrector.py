@@ -87,9 +87,8 @@ def test_the_jacobian_is_that_of_central_differences(
 
 
 def test_wherever_the_target_is_the_merit_never_worsens_and_the_plan_keeps_its_bounds(
-    correction: Correction, flights: Flights, ends: Ends
+    corrector: Corrector, flights: Flights, ends: Ends
 ) -> None:
-    corrector = with_settings(correction, step=8.0)
     plans, where = flights(2 * N, seed=7)
     rng = np.random.default_rng(8)
     where = moved(where, *rng.uniform(-60.0, 60.0, (2, 2 * N)))
@@ -123,15 +122,14 @@ def test_bank_alone_leaves_the_angle_of_attack_to_its_schedule(
     plans, where = case
     values = plans.values.copy()
     values[CHANGES] = 0.0
-    found = with_settings(by_bank_alone).correct(plans.with_values(values), where)
+    found = with_settings(by_bank_alone, step=8.0).correct(plans.with_values(values), where)
     assert not found.plans.values[N_BANKS:].any()
     assert (found.propagations - 1 - N_BANKS * found.iterations >= 0).all()
 
 
 def test_out_of_reach_is_told_and_is_the_nearest_point_that_scipy_finds(
-    correction: Correction, flights: Flights, ends: Ends
+    corrector: Corrector, flights: Flights, ends: Ends
 ) -> None:
-    corrector = with_settings(correction, step=8.0)
     plans, where = flights(1, seed=3)
     heading = where.state[5, 0]
     far = moved(where, 150.0 * np.sin(heading), 150.0 * np.cos(heading))
@@ -151,7 +149,7 @@ def test_out_of_reach_is_told_and_is_the_nearest_point_that_scipy_finds(
         return np.asarray(weight[:, None] * seen.jacobian[..., 0])
 
     best = least_squares(
-        residual, plans.values[:, 0], slopes, (-bound, bound), x_scale=bound, max_nfev=20
+        residual, plans.values[:, 0], slopes, (-bound, bound), x_scale=bound, max_nfev=12
     )
     own = np.linalg.norm(weight * last.missed[:, 0])
     assert own <= 1.1 * np.sqrt(2.0 * best.cost)
@@ -174,9 +172,9 @@ def test_a_plan_that_does_not_arrive_gives_way_to_wings_level(
     plans, where = flights(1)
     heavy = replace(correction, model=replace(correction.model, mass=4.0 * correction.model.mass))
     where.state[0], where.state[4], where.state[6] = 20e3, -0.05, 3.1
-    where = replace(where, bank_angle=np.array([3.1]), bank_rate=np.array([1.0]))
+    where = replace(where, bank_angle=np.array([3.1]), rates=np.ones((2, 1)))
     dive = plans.with_values(np.where(np.arange(N_PLAN)[:, None] < N_BANKS, 3.1, 0.0))
-    own = with_settings(heavy, step=2.0)
+    own = with_settings(heavy)
     found = own.correct(dive, where)
     assert not own.outlook(dive, where).arrives.any()
     assert found.outcome[0] in (CorrectionOutcome.PLAN_REPLACED, CorrectionOutcome.OUT_OF_REACH)

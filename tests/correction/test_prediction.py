@@ -29,8 +29,7 @@ def integrated(predictor: Predictor, plans: Plans, where: Situation) -> tuple[Ar
 
     def steered(x: Array) -> Array:
         state = np.concatenate([x, np.zeros(2)])[:, None]
-        bank, change = plans.both(predictor.speed(where.target, state))
-        state[6], state[7] = bank, change
+        state[BANK:] = plans.at(predictor.speed(where.target, state))
         return state
 
     def rates(time: float, x: Array) -> Array:
@@ -61,13 +60,12 @@ def test_a_flight_ends_where_its_exact_integration_does(
     correction: Correction, flights: Flights, ends: Ends, seed: int
 ) -> None:
     plans, where = flights(1, seed=seed)
-    where.state[6:] = np.array(plans.both(plans.fast))
-    far = replace(where, bank_rate=np.array([9.0]))
-    quick = {"change_rate": 9.0}
-    end, _, _ = integrated(stepping(correction, 2.0), plans, far)
+    where.state[6:] = plans.at(plans.fast)
+    quick = replace(where, rates=np.full((2, 1), 9.0))
+    end, _, _ = integrated(stepping(correction, 2.0), plans, quick)
     errors = []
     for step in (8.0, 2.0):
-        missed = ends(stepping(correction, step, **quick), plans, far)[:3, 0]
+        missed = ends(stepping(correction, step), plans, quick)[:3, 0]
         radius = correction.model.equatorial_radius
         target = where.target[:, 0]
         expected = np.array(
@@ -86,9 +84,9 @@ def test_excess_of_the_limits_is_that_of_the_integrated_flight(
     correction: Correction, flights: Flights, ends: Ends
 ) -> None:
     plans, where = flights(1, seed=4)
-    where.state[6:] = np.array(plans.both(plans.fast))
-    predictor = stepping(correction, 1.0, margin=0.9, change_rate=9.0)
-    missed = ends(predictor, plans, replace(where, bank_rate=np.array([9.0])))
+    where.state[6:] = plans.at(plans.fast)
+    predictor = stepping(correction, 1.0, margin=0.9)
+    missed = ends(predictor, plans, replace(where, rates=np.full((2, 1), 9.0)))
     _, _, points = integrated(predictor, plans, where)
     model, limits = correction.model, correction.model.limits
     loads = model.loads(points[:7], where.time, factors_at(where.estimate, points))
@@ -105,9 +103,9 @@ def test_the_bank_angle_follows_no_faster_than_its_rate(
     predictor = stepping(correction, 2.0)
     turned = plans.with_values(np.where(np.arange(18)[:, None] < 13, -1.0, 0.0))
     slow, fast = (
-        ends(predictor, turned, replace(where, bank_rate=np.array([rate]))) for rate in (0.02, 9.0)
+        ends(predictor, turned, replace(where, rates=np.full((2, 1), rate))) for rate in (0.02, 9.0)
     )
-    held = replace(where, bank_rate=np.array([0.0]))
+    held = replace(where, rates=np.zeros((2, 1)))
     own = plans.with_values(np.where(np.arange(18)[:, None] < 13, where.state[6], 0.0))
     np.testing.assert_array_equal(ends(predictor, turned, held), ends(predictor, own, held))
     assert np.linalg.norm(slow[:2] - fast[:2]) > 1e3

@@ -19,7 +19,7 @@ from ampi.onboard.flight_model import (
     Factors,
     FlightModelData,
 )
-from tests.support.descents import descent
+from tests.support.descents import axes, descent
 
 Array = NDArray[np.float64]
 
@@ -109,13 +109,6 @@ def test_the_noise_is_that_of_what_navigation_tells(model: FlightModelData) -> N
         (BANK, 1e-3),
     ):
         told[row] += size * rng.standard_normal(n)
-
-    def axes(state: Array) -> Array:
-        """Along, up and right of (3 components east, north, up; axis; flight)."""
-        sg, cg = np.sin(state[PATH_ANGLE]), np.cos(state[PATH_ANGLE])
-        sa, ca = np.sin(state[AZIMUTH]), np.cos(state[AZIMUTH])
-        along, up = np.stack([cg * sa, cg * ca, sg]), np.stack([-sg * sa, -sg * ca, cg])
-        return np.stack([along, up, np.stack([ca, -sa, np.zeros_like(sa)])], axis=1)
 
     # the accelerometer's own axes are turned with what is told: F is seen in the told axes
     felt = np.stack(model.sensed(true, time))
