@@ -130,9 +130,7 @@ def _flown(
                 f"--case: expected a campaign called {name!r} in {recorded}, it has "
                 f"{', '.join(map(repr, campaigns))}; name its world, law and modes"
             )
-        flown[name] = fly_again(
-            mission, scheme.guidance, case, campaigns[name], observer=observer
-        )
+        flown[name] = fly_again(mission, scheme.guidance, case, campaigns[name], observer=observer)
         if flown[name].final_states.tobytes() != campaigns[name].final_states[case].tobytes():
             raise ValueError(
                 f"--case: flight {case} of {name!r} ends elsewhere than in {recorded}: it was flown by "

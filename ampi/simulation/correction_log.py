@@ -68,7 +68,9 @@ class CorrectionLog:
     iterations: Counts  # (k,)
     propagations: Counts  # (k,), flights that were predicted
     miss: Array  # (k, 3), m: east, north and up of the target, as predicted
-    margin: Array  # (k,), least of the path limits, over the limit; at most what plans are to keep free
+    margin: (
+        Array  # (k,), least of the path limits, over the limit; at most what plans are to keep free
+    )
     to_go: Array  # (k,), s, as predicted
     plans: Plans  # k of them, as flown from then on
     estimates: EstimateCourse  # k of them
