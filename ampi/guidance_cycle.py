@@ -67,6 +67,8 @@ class GuidanceCycle:
         """Begin a new flight: the next command is the first, whatever its time."""
         self._clock.reset()
         self._forget()
+        if self.corrected is not None:
+            self.corrected.reset()
 
     def _forget(self) -> None:
         """Nothing has been commanded yet."""

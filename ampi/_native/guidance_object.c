@@ -201,6 +201,12 @@ static PyObject *reset(PyObject *object, PyObject *nothing) {
     (void)nothing;
     for (size_t i = 0; i < self->n; i++) {
         ampi_guidance_reset(&self->guidance[i], self->table);
+        if (self->corrector != NULL) {
+            double target[4];
+            memcpy(target, self->corrector[i].target, sizeof target);
+            ampi_corrector_begin(&self->corrector[i], self->model, self->table, NULL);
+            ampi_corrector_aim(&self->corrector[i], target);
+        }
     }
     Py_RETURN_NONE;
 }

@@ -36,6 +36,6 @@ class CorrectorSettings:
     plan_roughness: float = 0.0005  # the same of the plan itself
     plan_change: float = 0.02
     longest_step: float = 0.4  # rad, of a bank angle
-    iterations: float = 10
-    propagations: float = 200  # flights predicted in one correction, at the most
+    iterations: float = 4
+    propagations: float = 80  # flights predicted in one correction, at the most
     longest: float = 1200.0  # s of a prediction

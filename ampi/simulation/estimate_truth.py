@@ -71,7 +71,7 @@ def instants(mission: Mission, guidance: Guidance, truth: Truth) -> Iterator[Ins
         felt = np.stack(aerodynamic_acceleration(model, flights.x, time))
         sensed = entries.sensors.acceleration(felt)
         yield Instant(time, told, sensed, steering[ANGLE], flights.x, flights.flying.copy())
-        command = guidance.step(time, told, sensed if guidance.law.senses else None)
+        command = guidance.step(time, told, sensed if guidance.senses else None)
         actuator.command(np.array([command.bank_rate, command.angle_of_attack]))
         for part in range(rhythm.parts):
             old, new = actuator.advance(part / rhythm.parts, (part + 1) / rhythm.parts)

@@ -2,9 +2,9 @@
 
 Bank angle and, where it may be changed, angle of attack are plans (`ampi.correction.plan`) over the
 equivalent speed, flown at the rates that the vehicle has through the true air, from the entry on. The
-damped Gauss–Newton step of the corrector, with the true flight in place of the prediction and Jacobians by
-differences, brings them to the target. A point is found, not the nearest of all: a flight that comes near
-was in reach; of one that does not, nobody has found how.
+damped Gauss–Newton step of the corrector, with the true flight in place of the prediction and Jacobians
+by differences, brings them to the target. A point is found, not the nearest of all: a flight that comes
+near was in reach; of one that does not, nobody has found how.
 """
 
 from __future__ import annotations
@@ -145,7 +145,7 @@ class _Search:
     ) -> tuple[Array, Array]:
         """Bank rate and angle of attack (2, n) over the next step, and the latter at its end."""
         ahead = self._speed(x + STEP * rates, target)
-        bank, change = plans.both(ahead)
+        bank, change = plans.at(ahead)
         most, own = STEP * self._authority.angle_rate, self._authority
         rate = np.clip((bank - x[BANK]) / STEP, -own.bank_rate, own.bank_rate)
         return np.stack([rate, angle]), angle + np.clip(change - angle, -most, most)

@@ -239,16 +239,23 @@ def test_a_target_that_moves_is_corrected_for_at_once(flight: Flown) -> None:
     assert changed.tolist() == [False, False, False, True, False]
 
 
-def test_a_flight_begun_anew_remembers_nothing(guidance: Guidance, flight: Flown) -> None:
-    own = guidance.on_engine(NUMPY)
+@pytest.mark.parametrize("engine", [NUMPY, pytest.param(NATIVE, marks=needs_c)])
+def test_a_flight_begun_anew_remembers_its_target_alone(
+    guidance: Guidance, correction: Correction, flight: Flown, engine: str
+) -> None:
+    own = guidance.on_engine(engine)
     own.begin(np.repeat(small_mission().nominal_parameters[None], N, axis=0))
-    for cycle in flight.cycles[:25]:
+    begun = [cycle for cycle in flight.cycles if cycle.time <= correction.corrector.start]
+    for cycle in begun:
         own.step(cycle.time, cycle.navigation, cycle.sensed)
-    own.begin(np.repeat(small_mission().nominal_parameters[None], N, axis=0))
+    own.aim(target_of(correction))
+    own.reset()
     again = own.correction_state
     assert not again.counts.any() and not again.estimate.mean.any() and not again.plans.values.any()
-    command = own.step(0.0, flight.cycles[0].navigation, flight.cycles[0].sensed)
-    np.testing.assert_array_equal(command.bank_rate, flight.cycles[0].command.bank_rate)
+    for cycle in begun:
+        own.step(cycle.time, cycle.navigation, cycle.sensed)
+    beside = np.abs(own.correction_state.plans.values - begun[-1].known.plans.values).max(axis=0)
+    assert (beside < 1e-9).tolist() == [True, True, True, False, True]
 
 
 def test_a_target_among_the_parameters_is_the_one_that_is_flown_to(

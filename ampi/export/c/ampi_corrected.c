@@ -18,6 +18,7 @@ void ampi_corrector_aim(ampi_corrector *corrector, const double target[4])
 void ampi_corrector_begin(ampi_corrector *corrector, const ampi_model *model, const ampi_table *table,
                           const double *parameters)
 {
+    const bool is_told = (parameters != NULL) && (table->is_open == AMPI_OPEN);
     double target[4];
     size_t i;
     (void)memset(corrector, 0, sizeof *corrector);
@@ -27,7 +28,7 @@ void ampi_corrector_begin(ampi_corrector *corrector, const ampi_model *model, co
     for (i = 0u; i < 4u; i++) {
         const double axis = model->of.target_axis[i];
         target[i] = model->of.target[i];
-        if ((parameters != NULL) && (axis >= 0.0) && (axis < (double)table->n.axes)) {
+        if (is_told && (axis >= 0.0) && (axis < (double)table->n.axes)) {
             const double told = parameters[(size_t)axis];
             target[i] = chosen(fabs(told) < AMPI_SANE, told, target[i]);
         }
@@ -73,7 +74,7 @@ static bool take_state(ampi_corrector *corrector, const ampi_model_data *model,
                        const ampi_guidance *guidance, const ampi_table *table, double time,
                        const double *told)
 {
-    const bool is_state = (told != NULL) && ampi_is_plausible(table, told) && (fabs(time) < AMPI_SANE);
+    const bool is_state = ampi_is_plausible(table, told) && (fabs(time) < AMPI_SANE);
     const double passed = clipped(time - corrector->time, 0.0, 10.0);
     size_t i;
     if (is_state) {
@@ -168,14 +169,17 @@ ampi_command ampi_corrected_step(ampi_corrector *corrector, const ampi_model *mo
                                  ampi_guidance *guidance, const ampi_table *table, double time,
                                  const double navigation[AMPI_N_NAVIGATED], const double *sensed)
 {
-    static const double NOTHING[3] = {AMPI_NAN, AMPI_NAN, AMPI_NAN};
+    static const double NOTHING[AMPI_N_NAVIGATED] = {AMPI_NAN, AMPI_NAN, AMPI_NAN, AMPI_NAN,
+                                                     AMPI_NAN, AMPI_NAN, AMPI_NAN, AMPI_NAN};
+    const double *told = (navigation != NULL) ? navigation : NOTHING;
     const double *felt = (sensed != NULL) ? sensed : NOTHING;
     guidance->is_asked = 0u;
     if ((model->is_open == AMPI_OPEN) && (corrector->is_begun == AMPI_OPEN)
-        && (table->is_open == AMPI_OPEN) && (guidance->is_begun == AMPI_OPEN)) {
+        && (table->is_open == AMPI_OPEN) && (guidance->is_begun == AMPI_OPEN)
+        && (guidance->reference.checksum == table->checksum)) {
         const ampi_model_data *of = &model->of;
         const double passed = time - corrector->time;
-        const bool is_state = take_state(corrector, of, guidance, table, time, navigation);
+        const bool is_state = take_state(corrector, of, guidance, table, time, told);
         lag_change(corrector, of, passed);
         if (is_state) {
             const double unsure = 0.5 * fabs(corrector->commanded - corrector->change);

@@ -14,14 +14,16 @@
 
 #include "ampi.h"
 
-#define AMPI_N_BANKS 13u  /* values of a plan: bank angles, */
-#define AMPI_N_ANGLES 5u  /* changes of the angle of attack */
+#ifndef AMPI_N_BANKS /* smaller where a prover reads it */
+#define AMPI_N_BANKS 13u   /* values of a plan: bank angles, */
+#define AMPI_N_ANGLES 5u   /* changes of the angle of attack */
+#define AMPI_MAX_STEPS 320u /* of a prediction */
+#endif
 #define AMPI_N_PLAN (AMPI_N_BANKS + AMPI_N_ANGLES)
 #define AMPI_N_ESTIMATED 6u
 #define AMPI_N_MISSED 6u  /* east, north, up; excess of dynamic pressure, heat flux, load factor */
 #define AMPI_MAX_TERMS 16u
 #define AMPI_MAX_KNOTS 16u
-#define AMPI_MAX_STEPS 320u
 
 /* The model of vehicle and air, and the settings: float64 all of it, as it stands in the blob
    (ampi/export/model_blob.py); constant after it has been opened. */

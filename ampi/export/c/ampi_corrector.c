@@ -28,8 +28,10 @@ double ampi_planned(const ampi_plan *plan, size_t first, size_t count, double sp
     const double *value = &plan->value[first];
     const double last = (double)count - 1.0;
     const double place = clipped((plan->fast - speed) / (plan->fast - plan->slow) * last, 0.0, last);
-    const size_t below = (place < last) ? (size_t)place : (count - 2u);
-    const double share = place - (double)below;
+    size_t below = count - 2u; /* of what is no number too */
+    double share;
+    if ((place == place) && (place < last)) { below = (place > 0.0) ? (size_t)place : 0u; }
+    share = place - (double)below;
     return value[below] + share * (value[below + 1u] - value[below]);
 }
 
@@ -80,7 +82,7 @@ static double step_from(const ampi_model_data *model, double time)
 }
 
 /* One Runge-Kutta step. */
-static void advance(const ampi_setting *with, const ampi_plan *plan, const ampi_point *from,
+static void fly_step(const ampi_setting *with, const ampi_plan *plan, const ampi_point *from,
                     ampi_point *to)
 {
     const double h = step_from(with->model, from->time);
@@ -141,13 +143,13 @@ static bool predict(ampi_corrector *corrector, const ampi_setting *with, const a
                     size_t first, bool keeps, double *missed)
 {
     const size_t most_points = AMPI_MAX_STEPS - 1u;
-    ampi_point here = corrector->path[first], next;
+    ampi_point here = corrector->path[first], next = here;
     size_t i = first;
     bool flies = true, arrives = false;
 
     corrector->propagations += 1u;
     while (flies && (i < most_points)) {
-        advance(with, plan, &here, &next);
+        fly_step(with, plan, &here, &next);
         i += 1u;
         arrives = next.state[SPEED] <= with->target[3];
         flies = (next.state[SPEED] > with->target[3]) && (next.state[ALTITUDE] > 0.0)
@@ -237,7 +239,9 @@ static void set_equations(const ampi_corrector *corrector, const ampi_model_data
 static void solve_free(const ampi_normal_equations *of, const bool *is_free, double *step)
 {
     double lower[AMPI_N_PLAN][AMPI_N_PLAN], solved[AMPI_N_PLAN];
-    size_t at[AMPI_N_PLAN], n = 0u, i, j, k;
+    size_t at[AMPI_N_PLAN] = {0u}, n = 0u, i, j, k;
+    (void)memset(lower, 0, sizeof lower);
+    (void)memset(solved, 0, sizeof solved);
     for (i = 0u; i < AMPI_N_PLAN; i++) {
         if (is_free[i]) { at[n] = i; n += 1u; }
     }
@@ -392,7 +396,7 @@ static bool improve(ampi_corrector *corrector, const ampi_setting *with, double 
     size_t tries;
     for (tries = 0u; (tries < REJECTIONS) && (corrector->propagations < budget); tries++) {
         const double to_go = corrector->to_go;
-        double step[AMPI_N_PLAN], moved[AMPI_N_MISSED], found = NEVER;
+        double step[AMPI_N_PLAN], moved[AMPI_N_MISSED] = {0.0}, found = NEVER;
         size_t i;
         set_equations(corrector, with->model, missed, *lambda, &equations);
         set_step(corrector, with, &equations, step);
@@ -422,7 +426,7 @@ ampi_correction ampi_correct(ampi_corrector *corrector, const ampi_model_data *m
     const ampi_setting with = {model, &corrector->estimate, corrector->target, limit[1], limit[0]};
     static const double NOTHING[3] = {0.0, 0.0, 0.0};
     const size_t most_iterations = (size_t)model->corrector.iterations;
-    double missed[AMPI_N_MISSED], cost, lambda = 1.0, far;
+    double missed[AMPI_N_MISSED] = {0.0}, cost, lambda = 1.0, far;
     ampi_correction outcome = AMPI_PLAN_BETTERED;
     ampi_point *first = &corrector->path[0];
     bool goes_on = true, has_changed = false;

@@ -4,35 +4,74 @@
 #define HEADER 32u
 #define FORMAT 1u
 #define AMPI_FINITE 1e300 /* false for infinities and NaN */
+#define MOST_ITERATIONS 100.0 /* of one correction */
+#define MOST_PROPAGATIONS 10000.0
 
-static const unsigned char MAGIC[8] = {0x89, 'A', 'M', 'P', 'C', '\r', '\n', 0x1a};
+static const unsigned char MODEL_MAGIC[8] = {0x89, 'A', 'M', 'P', 'C', '\r', '\n', 0x1a};
 
 static bool is_count(double value, double least_of_all, double most_of_all)
 {
     return (value >= least_of_all) && (value <= most_of_all) && (value == floor(value));
 }
 
-/* Whether counts lead nowhere beyond their arrays, and nothing divides by zero that must not. */
-static bool is_consistent(const ampi_model_data *of)
+/* Whether all of the body are numbers. */
+static bool is_finite(const unsigned char *blob)
 {
-    const double *number = (const double *)of;
-    const size_t count = sizeof *of / sizeof *number;
-    size_t i;
     bool is_good = true;
-    for (i = 0u; i < count; i++) { is_good = is_good && (fabs(number[i]) < AMPI_FINITE); }
-    is_good = is_good && is_count(of->log_density.terms, 1.0, (double)AMPI_MAX_TERMS);
-    is_good = is_good && is_count(of->sound.terms, 1.0, (double)AMPI_MAX_TERMS);
+    double told;
+    size_t at;
+    for (at = HEADER; at < (HEADER + sizeof(ampi_model_data)); at += sizeof told) {
+        (void)memcpy(&told, &blob[at], sizeof told);
+        is_good = is_good && (fabs(told) < AMPI_FINITE);
+    }
+    return is_good;
+}
+
+static bool are_increasing(const double *knots, double count)
+{
+    bool is_good = true;
+    size_t i;
+    for (i = 1u; i < AMPI_MAX_KNOTS; i++) {
+        is_good = is_good && (((double)i >= count) || (knots[i - 1u] < knots[i]));
+    }
+    return is_good;
+}
+
+/* Whether counts lead nowhere beyond their arrays. */
+static bool are_counts(const ampi_model_data *of)
+{
+    size_t i;
+    bool is_good = is_count(of->log_density.terms, 1.0, (double)AMPI_MAX_TERMS)
+                   && is_count(of->sound.terms, 1.0, (double)AMPI_MAX_TERMS);
     is_good = is_good && is_count(of->form, 0.0, 2.0);
     is_good = is_good && is_count(of->attack_knots, 0.0, (double)AMPI_MAX_KNOTS);
     is_good = is_good && is_count(of->mach_knots, 0.0, (double)AMPI_MAX_KNOTS);
-    is_good = is_good && ((of->form < 2.0) || ((of->attack_knots > 3.0) && (of->mach_knots > 3.0)));
+    if (is_good && (of->form == 2.0)) {
+        is_good = (of->attack_knots > 3.0) && are_increasing(of->attack, of->attack_knots)
+                  && (of->mach_knots > 3.0) && are_increasing(of->mach, of->mach_knots);
+    }
     for (i = 0u; i < 4u; i++) {
         is_good = is_good && is_count(of->target_axis[i], -1.0, (double)AMPI_MAX_AXES - 1.0);
     }
-    is_good = is_good && (of->radius > 0.0) && (of->log_density.top > 0.0) && (of->sound.top > 0.0);
-    is_good = is_good && (of->corrector.step > 0.0) && (of->corrector.longest > 0.0);
-    is_good = is_good && (of->corrector.last_period > 0.0) && (of->corrector.period > 0.0);
-    return is_good && (of->estimator.length > 0.0) && (of->estimator.wind_length > 0.0);
+    return is_good && is_count(of->corrector.iterations, 0.0, MOST_ITERATIONS)
+           && is_count(of->corrector.propagations, 0.0, MOST_PROPAGATIONS);
+}
+
+/* Whether what is divided by is positive, and no bound crosses another. */
+static bool are_sizes(const ampi_model_data *of)
+{
+    const double positive[] = {
+        of->radius,            of->gravity,             of->load_gravity,     of->area_to_mass,
+        of->limit[0],          of->limit[1],            of->limit[2],         of->log_density.top,
+        of->sound.top,         of->estimator.length,    of->corrector.step,   of->estimator.scale_height,
+        of->corrector.longest, of->corrector.period,    of->corrector.lead,   of->estimator.wind_length,
+        of->target[3],         of->corrector.last_period, fabs(of->schedule.end - of->schedule.start)};
+    bool is_good = (of->corrector.change >= 0.0) && (of->corrector.change_rate >= 0.0);
+    size_t i;
+    for (i = 0u; i < (sizeof positive / sizeof positive[0]); i++) {
+        is_good = is_good && (positive[i] > 0.0);
+    }
+    return is_good;
 }
 
 ampi_status ampi_model_open(ampi_model *model, const unsigned char *blob, size_t size)
@@ -42,8 +81,8 @@ ampi_status ampi_model_open(ampi_model *model, const unsigned char *blob, size_t
 
     model->is_open = 0u;
     if ((blob == NULL) || (size != (HEADER + sizeof model->of))) { return AMPI_TRUNCATED; }
-    (void)memcpy(word, &blob[sizeof MAGIC], sizeof word);
-    if (memcmp(blob, MAGIC, sizeof MAGIC) != 0) {
+    (void)memcpy(word, &blob[sizeof MODEL_MAGIC], sizeof word);
+    if (memcmp(blob, MODEL_MAGIC, sizeof MODEL_MAGIC) != 0) {
         status = AMPI_FOREIGN;
     } else if (word[0] != 0x01020304u) {
         status = AMPI_BYTE_ORDER;
@@ -53,7 +92,8 @@ ampi_status ampi_model_open(ampi_model *model, const unsigned char *blob, size_t
         status = AMPI_CHECKSUM;
     } else {
         (void)memcpy(&model->of, &blob[HEADER], sizeof model->of);
-        status = is_consistent(&model->of) ? AMPI_OK : AMPI_INCONSISTENT;
+        status = (is_finite(blob) && are_counts(&model->of) && are_sizes(&model->of)) ? AMPI_OK
+                                                                             : AMPI_INCONSISTENT;
     }
     model->checksum = word[3];
     model->is_open = (status == AMPI_OK) ? AMPI_OPEN : 0u;
@@ -129,7 +169,7 @@ static void coefficients(const ampi_model_data *model, double angle, double mach
         *lift = horner(model->attack, rows, angle * (180.0 / AMPI_PI));
         *drag = horner(model->mach, columns, *lift);
     } else {
-        double left[AMPI_MAX_KNOTS], right[AMPI_MAX_KNOTS];
+        double left[AMPI_MAX_KNOTS] = {0.0}, right[AMPI_MAX_KNOTS] = {0.0};
         basis(model->attack, rows, angle, left);
         basis(model->mach, columns, mach, right);
         *lift = tensor(model->lift, left, rows, right, columns);

@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
 from matplotlib.collections import LineCollection
-from matplotlib.colors import Colormap, LinearSegmentedColormap, LogNorm
+from matplotlib.colors import Colormap, LinearSegmentedColormap, Normalize
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import FuncFormatter
@@ -30,6 +30,8 @@ Array = NDArray[np.float64]
 TITLE_WIDTH = 100  # characters
 LEAST_MISS = 0.1  # m, at which lesser ones are drawn
 SHORTEST, LONGEST = 1.0, 700.0  # s to go, ends of the axis
+SPEEDS = (5.0, 4.0, 3.0, 2.0, 1.5, 1.0, 0.8, 0.6)  # km/s
+FLOWN = "#BBBBBB"
 TICKS = (600.0, 300.0, 100.0, 60.0, 30.0, 10.0, 3.0, 1.0)  # s to go
 # the colours of a plan by its time to go: viridis' without the light end, which is lost on white
 COLOURS = (
@@ -67,8 +69,8 @@ def corrections_figure(mission: Mission, log: CorrectionLog, name: str) -> Figur
     bank, change = (figure.add_subplot(grid[0, k]) for k in (0, 1))
     misses = figure.add_subplot(grid[1, :])
     flights, limits = log.flight, mission.limits
-    ended = f"ends {_metres(float(flights.miss[0]))} from its target"
-    title = fill(f"{mission.title}, {name}: {len(log)} corrections; {ended}", TITLE_WIDTH)
+    ended = f"ends {_metres(float(flights.miss[0]))} from the target"
+    title = fill(f"{mission.title}, {name}: {len(log)} corrections, {ended}", TITLE_WIDTH)
     figure.suptitle(title, fontsize=10.5, parse_math=False)
     speed = _flown_speed(mission, log)
     _plans(bank, log, BANKS, (speed, flights.states[0, BANK]), limits.bank_angle)
@@ -76,11 +78,10 @@ def corrections_figure(mission: Mission, log: CorrectionLog, name: str) -> Figur
     _plans(change, log, CHANGES, (speed, flights.angle_of_attack[0]), most)
     bank.set_ylabel("Bank angle (deg)")
     change.set_ylabel("Change of the angle of attack (deg)")
-    scale = ScalarMappable(LogNorm(SHORTEST, LONGEST), _colours())
-    bar = figure.colorbar(scale, ax=change, label="Time to go of the plan (s)", pad=0.02)
-    bar.ax.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    scale = ScalarMappable(_scale(log), _colours())
+    bar = figure.colorbar(scale, ax=change, label="Plans, by their time to go (s)", pad=0.02)
     bar.ax.invert_yaxis()
-    keys = [line_key("flown", INK), line_key("limit", LIMIT_COLOUR, dashed=True, width=1.2)]
+    keys = [line_key("flown", FLOWN, width=4.0), line_key("limit", LIMIT_COLOUR, dashed=True, width=1.2)]
     _misses(misses, log)
     place_legend(figure, [*keys, *_outcome_keys(log)])
     return figure
@@ -92,6 +93,10 @@ def _flown_speed(mission: Mission, log: CorrectionLog) -> Array:
     altitude = mission.family(log.flight.parameters).target("altitude")[0]
     gravity = mission.flight_model.planet.load_factor_gravity
     return np.asarray(equivalent_speed(gravity, altitude, states[ALTITUDE], states[SPEED]))
+
+
+def _scale(log: CorrectionLog) -> Normalize:
+    return Normalize(0.0, float(np.max(log.to_go, initial=SHORTEST)))
 
 
 def _colours() -> Colormap:
@@ -106,21 +111,23 @@ def _plans(
     limit: float | None,
 ) -> None:
     """Values of all plans, and what was flown: (equivalent speed, angle)."""
-    plans, scale = log.plans, LogNorm(SHORTEST, LONGEST)
+    plans = log.plans
     values = plans.values[rows] * DEGREES
     share = np.linspace(0.0, 1.0, len(values))[:, None]
     speeds = (plans.fast + share * (plans.slow - plans.fast)) * KILO
     order = np.argsort(-log.to_go, kind="stable")
     lines = [np.column_stack([speeds[:, k], values[:, k]]) for k in order]
-    colours = _colours()(scale(np.clip(log.to_go[order], SHORTEST, LONGEST)))
-    axes.add_collection(LineCollection(lines, colors=colours, linewidths=0.7, alpha=0.8))
+    colours = _colours()(_scale(log)(log.to_go[order]))
+    axes.add_collection(LineCollection(lines, colors=colours, linewidths=0.8, zorder=3))
     begun = np.flatnonzero(log.flight.times >= log.times[0]) if len(log) else slice(0)
-    axes.plot(flown[0][begun] * KILO, flown[1][begun] * DEGREES, color=INK, linewidth=1.8)
+    axes.plot(flown[0][begun] * KILO, flown[1][begun] * DEGREES, color=FLOWN, linewidth=4.0)
     for level in () if limit is None else (-limit, limit):
         axes.axhline(level * DEGREES, color=LIMIT_COLOUR, linewidth=1.2, linestyle=(0, (5, 3)))
-    axes.set_xlabel("Equivalent speed (km/s)")
-    axes.autoscale_view()
-    axes.invert_xaxis()
+    axes.set_xscale("log")  # half of the flight is below a third of the speed
+    axes.set(xlabel="Equivalent speed (km/s)", xlim=(1.03 * speeds.max(), 0.97 * speeds.min()))
+    axes.set_xticks(SPEEDS, [f"{tick:g}" for tick in SPEEDS])
+    axes.minorticks_off()
+    axes.autoscale_view(scalex=False)
 
 
 def _misses(axes: Axes, log: CorrectionLog) -> None:
@@ -166,30 +173,22 @@ def time_to_go_figure(found: PredictedMisses) -> Figure:
     """Of many flights: the miss that the last correction predicts, and how far off it is."""
     figure = new_figure(FIGURE_WIDTH, 4.2)
     left, right = figure.subplots(1, 2, sharex=True, sharey=True)
-    actual = found.actual
+    actual, keys = found.actual, []
     for label, (colour, percentile) in LEVELS.items():
         for axes, values in ((left, found.predicted), (right, found.off)):
             axes.plot(found.to_go, _percentiles(values, percentile), color=colour, linewidth=1.8)
         level = float(np.percentile(actual, percentile, method="higher"))
+        keys.append(line_key(f"{label} ({_metres(level)} in the end)", colour))
         if np.isfinite(level):
             left.axhline(level, color=colour, linewidth=1.1, linestyle=(0, (4, 3)))
-            left.annotate(
-                f"{label}: {_metres(level)}",
-                (0.015, level),
-                (0.0, 3.0),
-                xycoords=("axes fraction", "data"),
-                textcoords="offset points",
-                color=colour,
-                fontsize=8.5,
-            )
     for axes in (left, right):
         _over_time_to_go(axes)
+        axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: _metres(value)))
     left.set_title("Predicted miss, and the miss that came")
     right.set_title("From the predicted end to the one that came")
-    left.set_ylabel("Distance over the ground (m)")
-    keys = [line_key(label, colour) for label, (colour, _) in LEVELS.items()]
+    left.set_ylabel(f"Distance over the ground, {len(actual)} flights")
     came = line_key("miss that came", "#888888", dashed=True, width=1.2)
-    place_legend(figure, [marker_key(f"{len(actual)} flights:", ""), *keys, came])
+    place_legend(figure, [*keys, came])
     return figure
 
 
@@ -204,4 +203,6 @@ def _percentiles(values: Array, percentile: float) -> Array:
 
 def _metres(value: float) -> str:
     """A length in m or km."""
-    return f"{value:.0f} m" if value < 1e3 else f"{value * KILO:.3g} km"
+    if not np.isfinite(value):
+        return "∞"
+    return f"{value:.3g} m" if value < 1e3 else f"{value * KILO:.3g} km"

@@ -15,7 +15,7 @@ from matplotlib.patches import Circle
 from matplotlib.patheffects import withStroke
 from numpy.typing import NDArray
 
-from ampi.report.figures.panels import FIGURE_WIDTH, marker_key, place_legend
+from ampi.report.figures.panels import FIGURE_WIDTH, marker_key
 from ampi.report.figures.style import INK, TARGET_COLOUR, house_style, new_figure
 from ampi.simulation.flights import Flights
 
@@ -25,6 +25,7 @@ STYLES = (("#E69F00", "s"), ("#0072B2", "o"), ("#CC79A7", "D"), ("#009E73", "^")
 LEAST = 10.0  # m: at the target on the logarithmic map
 CIRCLES = {100.0: "100 m", 1e3: "1 km", 1e4: "10 km", 1e5: "100 km"}
 NEAR = 500.0  # m, half-width of the linear map
+ROOM = 1.04  # of a map, over its widest circle
 NEAR_CIRCLES = {100.0: "100 m", 250.0: "250 m", 500.0: "500 m"}
 LABEL_BEARING = float(np.radians(45.0))  # of the circles' labels
 
@@ -32,7 +33,7 @@ LABEL_BEARING = float(np.radians(45.0))  # of the circles' labels
 @house_style
 def road_ends(campaigns: Mapping[str, Flights]) -> Figure:
     """End points by road (name → flights), along and across the nominal track: afar, and close by."""
-    figure = new_figure(FIGURE_WIDTH, 5.2)
+    figure = new_figure(FIGURE_WIDTH, 5.1)
     afar, near = figure.subplots(1, 2)
     for (colour, marker), flights in zip(STYLES, campaigns.values(), strict=False):
         good = flights.reached
@@ -40,22 +41,25 @@ def road_ends(campaigns: Mapping[str, Flights]) -> Figure:
         x, y = logarithmic(across, along)
         style = {"color": colour, "markersize": 3.2, "alpha": 0.55, "fillstyle": "none"}
         afar.plot(x, y, marker, **style)
-        close = np.maximum(np.abs(across), np.abs(along)) <= NEAR
+        close = np.maximum(np.abs(across), np.abs(along)) <= ROOM * NEAR
         near.plot(across[close], along[close], marker, **style)
     farthest = max((_farthest(flights) for flights in campaigns.values()), default=LEAST)
     _draw_circles(afar, {np.log10(r / LEAST): label for r, label in CIRCLES.items()})
     _draw_circles(near, NEAR_CIRCLES)
-    half = 1.04 * max(np.log10(farthest / LEAST), np.log10(max(CIRCLES) / LEAST))
+    half = ROOM * max(np.log10(farthest / LEAST), np.log10(max(CIRCLES) / LEAST))
     afar.set(xlim=(-half, half), ylim=(-half, half), xticks=[], yticks=[])
-    near.set(xlim=(-NEAR, NEAR), ylim=(-NEAR, NEAR))
-    afar.set(title="Logarithmic distance from the target", xlabel="to the right of the track")
-    afar.set_ylabel("beyond the target, along the track")
+    near.set(xlim=(-ROOM * NEAR, ROOM * NEAR), ylim=(-ROOM * NEAR, ROOM * NEAR))
+    afar.set(title="Logarithmic distance from the target", xlabel="Across the track")
+    afar.set_ylabel("Along the track")
     near.set(title="Close by", xlabel="Across the track (m)", ylabel="Along the track (m)")
     for axes in (afar, near):
         axes.set_aspect("equal")
         axes.plot(0.0, 0.0, "*", color=TARGET_COLOUR, markersize=10, zorder=4)
     keys = [marker_key(name, m, c) for (c, m), name in zip(STYLES, campaigns, strict=False)]
-    place_legend(figure, [*keys, marker_key("target", "*", TARGET_COLOUR)])
+    keys.append(marker_key("target", "*", TARGET_COLOUR))
+    legend = figure.legend(handles=keys, loc="outside lower center", ncols=3)
+    for text in legend.get_texts():
+        text.set_parse_math(False)
     return figure
 
 
