@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from ampi.guidance import Guidance
 from ampi.missions.mission import Mission
-from ampi.physics.state import LATITUDE, LONGITUDE
+from ampi.simulation.correction_log import require_corrected
 from ampi.simulation.monte_carlo import Scheme
 from ampi.simulation.outcomes import flown
 from ampi.simulation.plant import FlightStatus
@@ -25,9 +25,10 @@ class PredictedMisses:
     """Of n flights at k times before their ends; not-a-number where no correction has been made yet."""
 
     to_go: Array  # (k,), s, falling
-    predicted: Array  # (k, n), m: over the ground, by the last correction so far
-    off: Array  # (k, n), m: from the end that it predicted to the one that came
-    actual: Array  # (n,), m; infinite where the target's speed was not reached
+    miss: Array  # (k, n), m: over the ground, as the last correction so far predicts it
+    altitude: Array  # (k, n), m: size of the error of the altitude, likewise
+    actual_miss: Array  # (n,), m; infinite where the target's speed was not reached
+    actual_altitude: Array  # (n,), m
 
 
 class _Noted:
@@ -35,16 +36,16 @@ class _Noted:
 
     def __init__(self, n: int) -> None:
         self.times: list[float] = []
-        self.missed: list[Array] = []  # (2, n) each
+        self.missed: list[Array] = []  # (3, n) each
         self._counts = np.zeros(n, dtype=np.int64)
-        self._last = np.full((2, n), np.nan)
+        self._last = np.full((3, n), np.nan)
 
     def __call__(self, time: float, guidance: Guidance) -> None:
         state = guidance.correction_state
         counts = state.counts.sum(axis=0)
         corrected = counts > self._counts
         if corrected.any():
-            self._last = np.where(corrected, state.missed[:2], self._last)
+            self._last = np.where(corrected, state.missed[:3], self._last)
             self._counts = counts
             self.times.append(time)
             self.missed.append(self._last)
@@ -60,27 +61,19 @@ def predicted_misses(
     ValueError
         If the scheme does not correct.
     """
+    require_corrected(scheme.guidance)
     truth = scheme.loaded_world.draw(mission, n, seed, pool)
     noted = _Noted(n)
     arrays = flown(mission, scheme.guidance, truth, RECORDS, observer=noted)
     reached = arrays["status"] == int(FlightStatus.REACHED_SPEED)
     missed = np.array(noted.missed)
     at = np.searchsorted(noted.times, arrays["final_time"] - GRID[:, None], side="right") - 1
-    last = missed[np.maximum(at, 0), :, np.arange(n)]  # (k, n, 2)
+    last = missed[np.maximum(at, 0), :, np.arange(n)]  # (k, n, 3)
     last = np.where((at >= 0)[..., None], last, np.nan)
-    end = _end(mission, truth.parameters, arrays["final_states"])
     return PredictedMisses(
         to_go=GRID,
-        predicted=np.linalg.norm(last, axis=2),
-        off=np.linalg.norm(last - np.where(reached[:, None], end, np.nan), axis=2),
-        actual=np.where(reached, arrays["miss"], np.inf),
+        miss=np.linalg.norm(last[..., :2], axis=2),
+        altitude=np.abs(last[..., 2]),
+        actual_miss=np.where(reached, arrays["miss"], np.inf),
+        actual_altitude=np.where(reached, np.abs(arrays["altitude_error"]), np.inf),
     )
-
-
-def _end(mission: Mission, parameters: Array, final: Array) -> Array:
-    """East and north of the target (n, 2), m, as corrections measure it."""
-    family = mission.family(parameters)
-    radius = mission.flight_model.planet.equatorial_radius
-    latitude = family.target("latitude")
-    east = np.cos(latitude) * (final[:, LONGITUDE] - family.target("longitude"))
-    return radius * np.stack([east, final[:, LATITUDE] - latitude], axis=1)

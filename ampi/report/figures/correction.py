@@ -81,7 +81,10 @@ def corrections_figure(mission: Mission, log: CorrectionLog, name: str) -> Figur
     scale = ScalarMappable(_scale(log), _colours())
     bar = figure.colorbar(scale, ax=change, label="Plans, by their time to go (s)", pad=0.02)
     bar.ax.invert_yaxis()
-    keys = [line_key("flown", FLOWN, width=4.0), line_key("limit", LIMIT_COLOUR, dashed=True, width=1.2)]
+    keys = [
+        line_key("flown", FLOWN, width=4.0),
+        line_key("limit", LIMIT_COLOUR, dashed=True, width=1.2),
+    ]
     _misses(misses, log)
     place_legend(figure, [*keys, *_outcome_keys(log)])
     return figure
@@ -170,25 +173,26 @@ def _outcome_keys(log: CorrectionLog) -> list[Line2D]:
 
 @house_style
 def time_to_go_figure(found: PredictedMisses) -> Figure:
-    """Of many flights: the miss that the last correction predicts, and how far off it is."""
-    figure = new_figure(FIGURE_WIDTH, 4.2)
+    """Of many flights, what their last corrections predict, and dashed what came of it."""
+    figure = new_figure(FIGURE_WIDTH, 4.0)
     left, right = figure.subplots(1, 2, sharex=True, sharey=True)
-    actual, keys = found.actual, []
-    for label, (colour, percentile) in LEVELS.items():
-        for axes, values in ((left, found.predicted), (right, found.off)):
-            axes.plot(found.to_go, _percentiles(values, percentile), color=colour, linewidth=1.8)
-        level = float(np.percentile(actual, percentile, method="higher"))
-        keys.append(line_key(f"{label} ({_metres(level)} in the end)", colour))
-        if np.isfinite(level):
-            left.axhline(level, color=colour, linewidth=1.1, linestyle=(0, (4, 3)))
-    for axes in (left, right):
+    sides = (
+        (left, found.miss, found.actual_miss, "Miss over the ground"),
+        (right, found.altitude, found.actual_altitude, "Error of the altitude"),
+    )
+    for axes, predicted, actual, title in sides:
+        for colour, percentile in LEVELS.values():
+            curve = _percentiles(predicted, percentile)
+            axes.plot(found.to_go, curve, color=colour, linewidth=1.8)
+            level = float(np.percentile(actual, percentile, method="higher"))
+            if np.isfinite(level):
+                axes.axhline(level, color=colour, linewidth=1.1, linestyle=(0, (4, 3)))
         _over_time_to_go(axes)
         axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: _metres(value)))
-    left.set_title("Predicted miss, and the miss that came")
-    right.set_title("From the predicted end to the one that came")
-    left.set_ylabel(f"Distance over the ground, {len(actual)} flights")
-    came = line_key("miss that came", "#888888", dashed=True, width=1.2)
-    place_legend(figure, [*keys, came])
+        axes.set_title(title)
+    left.set_ylabel(f"{len(found.actual_miss)} flights, as predicted")
+    keys = [line_key(label, colour) for label, (colour, _) in LEVELS.items()]
+    place_legend(figure, [*keys, line_key("as it came", "#888888", dashed=True, width=1.2)])
     return figure
 
 
@@ -203,6 +207,6 @@ def _percentiles(values: Array, percentile: float) -> Array:
 
 def _metres(value: float) -> str:
     """A length in m or km."""
-    if not np.isfinite(value):
-        return "∞"
-    return f"{value:.3g} m" if value < 1e3 else f"{value * KILO:.3g} km"
+    if value >= 1e3:
+        return f"{value * KILO:.3g} km"
+    return f"{value:.0f} m" if value >= 10.0 else f"{value:.2g} m"

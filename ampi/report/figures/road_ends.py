@@ -33,13 +33,13 @@ LABEL_BEARING = float(np.radians(45.0))  # of the circles' labels
 @house_style
 def road_ends(campaigns: Mapping[str, Flights]) -> Figure:
     """End points by road (name → flights), along and across the nominal track: afar, and close by."""
-    figure = new_figure(FIGURE_WIDTH, 5.1)
+    figure = new_figure(FIGURE_WIDTH, 5.6)
     afar, near = figure.subplots(1, 2)
     for (colour, marker), flights in zip(STYLES, campaigns.values(), strict=False):
         good = flights.reached
         across, along = flights.across[good], flights.along[good]
         x, y = logarithmic(across, along)
-        style = {"color": colour, "markersize": 3.2, "alpha": 0.55, "fillstyle": "none"}
+        style = {"color": colour, "markersize": 3.0, "alpha": 0.7, "fillstyle": "none"}
         afar.plot(x, y, marker, **style)
         close = np.maximum(np.abs(across), np.abs(along)) <= ROOM * NEAR
         near.plot(across[close], along[close], marker, **style)
