@@ -72,9 +72,7 @@ def shefex_table(model: FlightModelData, entry: Array, end_speed: float) -> Guid
     begin = np.repeat(entry[:, None], 4, axis=1)
     begin[3:5] = grid
     times, states = flown(model, begin, end_speed)
-    final = np.array(
-        [np.interp(-end_speed, -states[:, SPEED, k], times) for k in range(4)]
-    )
+    final = np.array([np.interp(-end_speed, -states[:, SPEED, k], times) for k in range(4)])
     mesh = Mesh((Phase((8,), 58.0), Phase((8, 8, 8))))
     fixed, free = mesh.node_time
     rows = np.zeros((4, len(LAWS["linear_quadratic"].layout), mesh.n_nodes))

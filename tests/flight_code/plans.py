@@ -44,9 +44,7 @@ def main(path: str) -> int:
             time,
             np.append(state, change)[:, None],
             target[:, None],
-            Estimate(
-                mean[:, None], np.zeros((6, 6, 1)), np.array([altitude]), own.estimator
-            ),
+            Estimate(mean[:, None], np.zeros((6, 6, 1)), np.array([altitude]), own.estimator),
             np.array([bank]),
             np.array([[rate], [own.corrector.change_rate]]),
         )
