@@ -29,6 +29,7 @@ from ampi.missions.mission import Mission
 from ampi.onboard.flight_model import Factors, FlightModelData
 from ampi.onboard_model import flight_model_of
 from ampi.physics.state import BANK, SPEED
+from ampi.replanning.iteration import ReplanSettings
 from ampi.replanning.outcome import Replan
 from ampi.simulation.certificate_truth import TOGETHER, flown_miss, random_entries
 from ampi.simulation.replan_truth import compared_states, planned
@@ -52,6 +53,12 @@ def timed(*given: Any, **named: Any) -> tuple[Replan, float]:
         found = ampi.replan(*given, **named)
         seconds.append(time.process_time() - began)
     return found, min(seconds)
+
+
+def budget(arguments: argparse.Namespace) -> dict[str, Any]:
+    """Of a re-planning."""
+    settings = ReplanSettings(step=arguments.step)
+    return {"iterations": arguments.iterations, "settings": settings}
 
 
 def flown(family: MissionFamily[Mission], plans: Sequence[tuple[Array, float]]) -> Array:
@@ -81,7 +88,7 @@ def polish(arguments: argparse.Namespace) -> dict[str, Any]:
     for values in parameters:
         reference, own = guidance.reference(values).copy(), mission.with_parameters(values)
         given = (own, own.entry_state, reference)
-        found, seconds = timed(*given, time=0.0, iterations=arguments.iterations)
+        found, seconds = timed(*given, time=0.0, **budget(arguments))
         plan = found.trajectory
         before.append((reference.nodal[BANK].copy(), reference.final_time))
         after.append(before[-1] if plan is None else (plan.states[BANK], plan.final_time))
@@ -121,7 +128,7 @@ def rolling(arguments: argparse.Namespace) -> dict[str, Any]:
             known = Factors(*(true * (1.0 + WANDERS * draw.standard_normal(len(DRAWN)))))
             told = here + NOISE * draw.standard_normal(len(NOISE))
             given = (mission, told, plan, known)
-            found, seconds = timed(*given, time=now, iterations=arguments.iterations)
+            found, seconds = timed(*given, time=now, **budget(arguments))
             rows.append({"seconds": seconds, "status": found.status.name, "first": now == START})
             rows[-1]["iterations"] = found.statistics.iterations
             rows[-1]["steps"] = found.statistics.simplified_steps
@@ -200,6 +207,9 @@ def main() -> None:
     parser.add_argument("--flights", type=int, default=30, help="of rolling and states")
     parser.add_argument("--states", type=int, default=200, help="in all")
     parser.add_argument("--iterations", type=int, default=3)
+    parser.add_argument(
+        "--step", type=float, default=ReplanSettings().step, help="rad, that ends them"
+    )
     parser.add_argument("--seed", type=int, default=17)
     parser.add_argument("--json", action="store_true", help="print the numbers as JSON")
     arguments = parser.parse_args()

@@ -73,6 +73,8 @@ def replan(
     began = clock.perf_counter()
     here = np.asarray(state, dtype=float)
     _refuse(mission, here, plan, estimate, iterations)
+    if not isinstance(settings, ReplanSettings):
+        raise MethodError(f"settings: expected ReplanSettings, got {settings!r}")
     with one_blas_thread(), np.errstate(all="ignore"):
         found = _replanned(mission, here, plan, estimate, float(time), iterations, settings)
     seconds = clock.perf_counter() - began

@@ -33,7 +33,9 @@ class ReplanSettings:
     """Numbers that steer a re-planning.
 
     A step ends it below `step` (rad), or where its simplified steps have less than the square of that
-    left to come: 1e-5 rad of bank angle are metres at the target.
+    left to come. Of 500 references polished 20 % outside their table the worst then ends 121 m from the
+    target. With 1e-2 half of the plans that follow another need no simplified step, and the end of a
+    plan moves by 2 m (median), but the worst polished one ends at 332 m.
     """
 
     longest_step: float = 0.5  # rad of bank angle, or 100 s · rad of final time

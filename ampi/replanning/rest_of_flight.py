@@ -38,6 +38,8 @@ ANGLES = tuple(("vehicle", "angle_of_attack", f"{end}_angle") for end in ("start
 LARGEST_FACTOR = 5.0  # no estimate within its bounds is as far from 1
 LARGEST_ANGLE = 0.2  # rad
 HIGHEST, FASTEST = 130e3, 12e3  # m, m/s: of a state, as of a mission's entry
+LATEST = 1e5  # s since the entry interface
+SLOWEST = 5.0  # s in which the polynomials of a mesh stop a bank rate
 LEAST_PART = 1e-9  # of a limit, kept from a bank angle or rate that is measured on it
 
 
@@ -65,7 +67,7 @@ def estimated(mission: Mission, factors: Factors) -> Mission:
 def hardness(mission: Mission, state: Array, time: float) -> ReplanOutcome | None:
     """Why nothing can be planned from a state; None if it can."""
     target = mission.target
-    if not (np.all(np.isfinite(state)) and np.isfinite(time)):
+    if not (np.all(np.isfinite(state)) and 0.0 <= time < LATEST):
         return ReplanOutcome.NO_STATE
     upright = max(abs(state[LATITUDE]), abs(state[FLIGHT_PATH_ANGLE])) < 0.5 * np.pi
     if not (upright and 0.0 < state[ALTITUDE] < HIGHEST and 0.0 < state[SPEED] < FASTEST):
@@ -81,12 +83,15 @@ def hardness(mission: Mission, state: Array, time: float) -> ReplanOutcome | Non
 def from_here(mission: Mission, state: Array, time: float) -> Mission:
     """The mission from `state` (6,), (7,) or (8,) at `time` (s).
 
-    No vehicle banks farther or faster than it can: what is measured beyond a limit counts as the limit.
+    No vehicle banks farther or faster than it can: what is measured beyond a limit counts as the limit,
+    and a rate towards the limit of the angle as one that reaches it in `SLOWEST`.
     """
-    given: list[float | None] = [None, None]
-    for place, limit in enumerate(("bank_angle", "bank_rate")):
-        if len(state) > BANK + place:
-            most = mission.limits.designed(limit) * (1.0 - LEAST_PART)
-            value = on_turn_of(state[BANK], 0.0) if place == 0 else state[BANK + 1]
-            given[place] = float(np.clip(value, -most, most))
-    return mission.with_entry(state[:BANK], time=time, bank_angle=given[0], bank_rate=given[1])
+    angle = rate = None
+    if len(state) > BANK:
+        most = mission.limits.designed("bank_angle") * (1.0 - LEAST_PART)
+        angle = float(np.clip(on_turn_of(state[BANK], 0.0), -most, most))
+    if angle is not None and len(state) > BANK + 1:
+        fastest = mission.limits.designed("bank_rate") * (1.0 - LEAST_PART)
+        right, left = ((most - side * angle) / SLOWEST for side in (1.0, -1.0))
+        rate = float(np.clip(state[BANK + 1], -min(left, fastest), min(right, fastest)))
+    return mission.with_entry(state[:BANK], time=time, bank_angle=angle, bank_rate=rate)

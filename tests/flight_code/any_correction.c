@@ -69,7 +69,21 @@ static void part(void)
     corrector.points = (uint32_t)Frama_C_interval(0, AMPI_MAX_STEPS - 1);
     (void)ampi_correct(&corrector, &model.of, limit);
 }
-#else /* flights on a table of any numbers, or of none */
+#else /* flights on a table of any numbers, or of none; a correction leaves anything (PART 2 is of it) */
+#define ampi_correct any_correction
+#include "../../ampi/export/c/ampi_corrector.c"
+#undef ampi_correct
+
+ampi_correction ampi_correct(ampi_corrector *corrector, const ampi_model_data *of, const double *limit)
+{
+    (void)of;
+    (void)limit;
+    ANY(corrector->plan);
+    ANY(corrector->missed);
+    ANY(corrector->to_go);
+    return (ampi_correction)Frama_C_interval(AMPI_PLAN_KEPT, AMPI_NO_ARRIVAL);
+}
+
 static void fly_corrected(void)
 {
     static ampi_corrector corrector;

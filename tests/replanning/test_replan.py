@@ -15,6 +15,7 @@ from ampi.missions.mission import Mission
 from ampi.onboard.flight_model import Factors
 from ampi.propagation.reintegration import flown_again
 from ampi.replanning.front_door import replan
+from ampi.replanning.iteration import ReplanSettings
 from ampi.replanning.outcome import ReplanOutcome
 from ampi.replanning.rest_of_flight import estimated, from_here
 from ampi.scp.problem.capabilities import MethodError
@@ -60,7 +61,8 @@ def test_a_plan_flies_from_the_state_to_the_target(
 
 def test_a_plan_is_the_optimum_of_the_whole_method(mission: Mission, plan: Trajectory) -> None:
     here, time = state_at(plan, 150.0) + OFF, 150.0
-    found = replan(mission, here, plan, FACTORS, time=time)
+    exact = ReplanSettings(step=1e-3)
+    found = replan(mission, here, plan, FACTORS, time=time, settings=exact)
     optimum = ampi.solve(from_here(estimated(mission, FACTORS), here, time), guess=plan)
     assert found.trajectory is not None
     assert found.trajectory.cost == pytest.approx(optimum.cost, rel=1e-4)
@@ -100,6 +102,16 @@ def test_a_target_out_of_reach_is_approached(mission: Mission, plan: Trajectory)
     found = replan(mission, here, plan, time=400.0, iterations=10)
     assert found.status is not ReplanOutcome.REPLANNED
     assert not found.horizontal_miss < 1e3
+
+
+def test_what_is_measured_beyond_a_limit_counts_as_the_limit(
+    mission: Mission, plan: Trajectory
+) -> None:
+    here, most = state_at(plan, 200.0), mission.limits.bank_angle
+    here[6:] = 1.1 * most, 0.2
+    found = replan(mission, here, plan, time=200.0, iterations=6)
+    assert found.status.has_plan and found.trajectory is not None
+    assert np.abs(found.trajectory.states[6]).max() <= most + 1e-4
 
 
 def test_a_spent_budget_says_so(mission: Mission, plan: Trajectory) -> None:
