@@ -64,7 +64,7 @@ LEVELS = {  # colour and percentile
 @house_style
 def corrections_figure(mission: Mission, log: CorrectionLog, name: str) -> Figure:
     """One flight: every plan that it flew over the equivalent speed, and what each promised."""
-    figure = new_figure(FIGURE_WIDTH, 7.0)
+    figure = new_figure(FIGURE_WIDTH, 6.6)
     grid = figure.add_gridspec(2, 2, height_ratios=(1.25, 1.0))
     bank, change = (figure.add_subplot(grid[0, k]) for k in (0, 1))
     misses = figure.add_subplot(grid[1, :])

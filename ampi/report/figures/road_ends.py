@@ -33,7 +33,7 @@ LABEL_BEARING = float(np.radians(45.0))  # of the circles' labels
 @house_style
 def road_ends(campaigns: Mapping[str, Flights]) -> Figure:
     """End points by road (name → flights), along and across the nominal track: afar, and close by."""
-    figure = new_figure(FIGURE_WIDTH, 5.6)
+    figure = new_figure(FIGURE_WIDTH, 5.35)
     afar, near = figure.subplots(1, 2)
     for (colour, marker), flights in zip(STYLES, campaigns.values(), strict=False):
         good = flights.reached
