@@ -164,6 +164,7 @@ static void test_corrections(const world *from)
     const ampi_model_data *good = &from->model.of;
     ampi_model_data of = *good;
     const double speed = from->state[SPEED];
+    size_t i;
     outcome("slower than the target", corrected(from, &of, 100.0, 0.0), AMPI_NO_ARRIVAL);
     outcome("no number", corrected(from, &of, AMPI_NAN, 0.0), AMPI_NO_ARRIVAL);
     outcome("inverted", corrected(from, &of, speed, 3.2), AMPI_OUT_OF_REACH); /* which is the bound */
@@ -172,7 +173,12 @@ static void test_corrections(const world *from)
     dive.corrector.state[PATH_ANGLE] = -0.3;
     of.drag_factor *= 0.32;
     outcome("wings level where it would not arrive", corrected(&dive, &of, 2000.0, 3.1), AMPI_PLAN_REPLACED);
-    of.drag_factor *= 0.125;
+    for (i = 0u; i < 20u; i++) { /* ever steeper falls: some are not even bettered */
+        of.drag_factor *= 0.9;
+        dive.corrector.state[ALTITUDE] = 10e3 + 1e3 * (double)i;
+        (void)corrected(&dive, &of, 2000.0, ((i % 2u) == 0u) ? 1.5 : 0.0);
+    }
+    of.drag_factor *= 0.1;
     outcome("into the ground", corrected(&dive, &of, 2000.0, 3.1), AMPI_NO_ARRIVAL);
     of = *good;
     of.corrector.longest = 10.0;

@@ -156,6 +156,10 @@ static void test_misuse(ampi_guidance *guidance, ampi_table *table, ampi_referen
     expect(command.health >= AMPI_BAD_TIME, "no time at the begin", (double)command.health, 7.0);
     command = ampi_guidance_step(guidance, table, 0.0, NULL, NULL);
     expect(command.health >= AMPI_BAD_NAVIGATION, "no navigation", (double)command.health, 6.0);
+    guidance->is_asked = 1u;
+    command = ampi_guidance_step(guidance, table, 0.5, NULL, NULL);
+    expect(command.steering == AMPI_PLANNED, "a plan goes on", (double)command.steering, 3.0);
+    guidance->is_asked = 0u;
     ampi_guidance_follow(guidance, table, reference, beyond);
     expect(guidance->limit[0] == table->set.limit[0], "a limit beyond sense", guidance->limit[0], 0.0);
     guidance->reference.checksum ^= 1u;

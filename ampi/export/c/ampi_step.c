@@ -204,7 +204,7 @@ ampi_command ampi_guidance_step(ampi_guidance *guidance, const ampi_table *table
     wanted = chosen(is_state, wanted, own);
     angle = chosen(is_state, angle, guidance->angle);
     is_ended = is_ended && !is_asked; /* a plan has an end of its own */
-    is_held = (is_ended || is_lost) && !is_asked;
+    is_held = is_ended || (is_lost && !is_asked);
 
     fault = (known == AMPI_N_NAVIGATED) ? AMPI_IMPLAUSIBLE_NAVIGATION : AMPI_BAD_NAVIGATION;
     command.health = (is_state && is_rate) ? guidance->reference.health : fault;
