@@ -1,6 +1,6 @@
 """Draw what corrections in flight do, for the docs.
 
-python scripts/draw_corrections.py FOLDER [--flights 150] [--case 0] [--docs docs]
+python scripts/draw_corrections.py FOLDER [--flights 140] [--case 0] [--docs docs]
 
 One flight with every plan that it flew, its estimates against the truth, the ends of flights by four
 roads on one map, and misses against the time to go, all in the world `everything`. The database of
@@ -73,7 +73,7 @@ def main() -> None:
     """Draw them."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("folder", type=Path)
-    parser.add_argument("--flights", type=int, default=150)
+    parser.add_argument("--flights", type=int, default=140)
     parser.add_argument("--case", type=int, default=0)
     parser.add_argument("--docs", type=Path, default=Path(__file__).parents[1] / "docs")
     asked = parser.parse_args()

@@ -15,13 +15,14 @@ from matplotlib.patches import Circle
 from matplotlib.patheffects import withStroke
 from numpy.typing import NDArray
 
-from ampi.report.figures.panels import FIGURE_WIDTH, marker_key
+from ampi.report.figures.panels import marker_key
 from ampi.report.figures.style import INK, TARGET_COLOUR, house_style, new_figure
 from ampi.simulation.flights import Flights
 
 Array = NDArray[np.float64]
 
 STYLES = (("#E69F00", "s"), ("#0072B2", "o"), ("#CC79A7", "D"), ("#009E73", "^"))  # of roads
+WIDTH = 8.4  # inches
 LEAST = 10.0  # m: at the target on the logarithmic map
 CIRCLES = {100.0: "100 m", 1e3: "1 km", 1e4: "10 km", 1e5: "100 km"}
 NEAR = 500.0  # m, half-width of the linear map
@@ -33,7 +34,7 @@ LABEL_BEARING = float(np.radians(45.0))  # of the circles' labels
 @house_style
 def road_ends(campaigns: Mapping[str, Flights]) -> Figure:
     """End points by road (name → flights), along and across the nominal track: afar, and close by."""
-    figure = new_figure(FIGURE_WIDTH, 5.35)
+    figure = new_figure(WIDTH, 5.05)
     afar, near = figure.subplots(1, 2)
     for (colour, marker), flights in zip(STYLES, campaigns.values(), strict=False):
         good = flights.reached
@@ -49,8 +50,8 @@ def road_ends(campaigns: Mapping[str, Flights]) -> Figure:
     half = ROOM * max(np.log10(farthest / LEAST), np.log10(max(CIRCLES) / LEAST))
     afar.set(xlim=(-half, half), ylim=(-half, half), xticks=[], yticks=[])
     near.set(xlim=(-ROOM * NEAR, ROOM * NEAR), ylim=(-ROOM * NEAR, ROOM * NEAR))
-    afar.set(title="Logarithmic distance from the target", xlabel="Across the track")
-    afar.set_ylabel("Along the track")
+    afar.set(title="Logarithmic distance from the target", xlabel="Across the track (decades)")
+    afar.set_ylabel("Along the track (decades)")
     near.set(title="Close by", xlabel="Across the track (m)", ylabel="Along the track (m)")
     for axes in (afar, near):
         axes.set_aspect("equal")
