@@ -9,7 +9,7 @@ export OPENBLAS_NUM_THREADS = 1
 # first (tests/conftest.py). A test that hangs fails after so many seconds, and is named.
 TWO = -n 2 --dist loadfile --no-loadscope-reorder --timeout 300
 
-.PHONY: demo test quick lint types contracts check benchmark benchmark-factory benchmark-worlds benchmark-flight-code benchmark-orders benchmark-solver flight-code wheel lock clean
+.PHONY: demo test quick lint types contracts check benchmark benchmark-factory benchmark-worlds benchmark-roads benchmark-flight-code benchmark-orders benchmark-solver flight-code wheel lock clean
 
 demo: $(VENV)/.demo
 	mkdir -p demo
@@ -40,6 +40,9 @@ benchmark: benchmark-flight-code
 
 benchmark-factory: $(VENV)/.test
 	$(BIN)/python scripts/benchmark_factory.py
+
+benchmark-roads: $(VENV)/.test
+	$(BIN)/python scripts/compare_roads.py demo --readme README.md
 
 benchmark-worlds: $(VENV)/.test
 	$(BIN)/python scripts/benchmark_worlds.py demo --readme README.md

@@ -16,6 +16,9 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from ampi.correction.corrector import CorrectionOutcome
+    from ampi.correction.settings import CorrectorSettings
+    from ampi.estimation.settings import EstimatorSettings
     from ampi.guidance import Guidance
     from ampi.loading import load_guidance
     from ampi.missions.loading import load_mission
@@ -23,6 +26,9 @@ if TYPE_CHECKING:
     from ampi.onboard.command import Command
     from ampi.onboard.health import Health, Steering
     from ampi.onboard.reference import Mode, Reference
+    from ampi.onboard_model import correction_of
+    from ampi.replanning.front_door import replan
+    from ampi.replanning.outcome import Replan, ReplanOutcome
     from ampi.scp.condensed.settings import SolverSettings
     from ampi.scp.guess import ConstantBank
     from ampi.scp.problem.capabilities import MethodError
@@ -44,6 +50,9 @@ if TYPE_CHECKING:
 _HOME = {
     "Command": "ampi.onboard.command",
     "ConstantBank": "ampi.scp.guess",
+    "CorrectionOutcome": "ampi.correction.corrector",
+    "CorrectorSettings": "ampi.correction.settings",
+    "EstimatorSettings": "ampi.estimation.settings",
     "FlightStatus": "ampi.simulation.plant",
     "Flights": "ampi.simulation.flights",
     "Guidance": "ampi.guidance",
@@ -53,10 +62,13 @@ _HOME = {
     "Mode": "ampi.onboard.reference",
     "Reference": "ampi.onboard.reference",
     "RefinementSettings": "ampi.scp.refinement",
+    "Replan": "ampi.replanning.outcome",
+    "ReplanOutcome": "ampi.replanning.outcome",
     "SolverSettings": "ampi.scp.condensed.settings",
     "Status": "ampi.trajectory",
     "Steering": "ampi.onboard.health",
     "Trajectory": "ampi.trajectory",
+    "correction_of": "ampi.onboard_model",
     "compare": "ampi.simulation.statistics",
     "fly": "ampi.simulation.monte_carlo",
     "fly_again": "ampi.simulation.monte_carlo",
@@ -71,6 +83,7 @@ _HOME = {
     "judge": "ampi.simulation.statistics",
     "load_guidance": "ampi.loading",
     "load_mission": "ampi.missions.loading",
+    "replan": "ampi.replanning.front_door",
     "solve": "ampi.scp.solve",
     "solve_family": "ampi.scp.solve",
 }
@@ -78,6 +91,9 @@ _HOME = {
 __all__ = [
     "Command",
     "ConstantBank",
+    "CorrectionOutcome",
+    "CorrectorSettings",
+    "EstimatorSettings",
     "FlightStatus",
     "Flights",
     "Guidance",
@@ -87,6 +103,8 @@ __all__ = [
     "Mode",
     "Reference",
     "RefinementSettings",
+    "Replan",
+    "ReplanOutcome",
     "Scheme",
     "SolverSettings",
     "Status",
@@ -96,6 +114,7 @@ __all__ = [
     "World",
     "__version__",
     "compare",
+    "correction_of",
     "fly",
     "fly_again",
     "fly_schemes",
@@ -104,6 +123,7 @@ __all__ = [
     "load_guidance",
     "load_mission",
     "load_world",
+    "replan",
     "save_campaigns",
     "solve",
     "solve_family",

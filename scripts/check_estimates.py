@@ -177,7 +177,7 @@ def main() -> None:
     print(json.dumps(found, indent=1, default=float) if arguments.json else told(found))
     if arguments.figure:
         made_by = f"scripts/check_estimates.py --world {world.name} --flight {arguments.flight}"
-        save_figure(arguments.figure, estimates_figure(checked, arguments.flight), made_by)
+        save_figure(arguments.figure, estimates_figure(checked.along(arguments.flight)), made_by)
 
 
 if __name__ == "__main__":

@@ -169,11 +169,11 @@ def reach_lines(found: list[Row]) -> list[str]:
     for row in found:
         own = row.numbers
         if own.get("out_of_reach"):
-            within = own["within_of_those_in_reach"]
+            within = [100 * own["within_of_those_in_reach"][radius] for radius in ("1000", "5000")]
             lines.append(
                 f"- {row.place}, {row.road}: of {own['far']} flights beyond 1 km "
-                f"{own['out_of_reach']} had their target out of physical reach; of the others {100 * within['1000']:.1f} % end "
-                f"within 1 km, {100 * within['5000']:.1f} % within 5 km."
+                f"{own['out_of_reach']} had their target out of physical reach; of all others "
+                f"{within[0]:.1f} % end within 1 km, {within[1]:.1f} % within 5 km."
             )
     return lines
 

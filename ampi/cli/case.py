@@ -12,6 +12,8 @@ from ampi.cli.output_files import check_figure, check_output
 
 if TYPE_CHECKING:
     from ampi.missions.mission import Mission
+    from ampi.simulation.closed_loop import Observer
+    from ampi.simulation.correction_log import CorrectionLog
     from ampi.simulation.flights import Flights
     from ampi.simulation.monte_carlo import CampaignOptions, Scheme
 
@@ -26,6 +28,7 @@ class CaseFiles:
     recorded: Path | None  # the file of its campaign; None: it is drawn again
     table: Path | None
     plot: Path | None
+    corrections: Path | None
     force: bool
 
 
@@ -46,24 +49,62 @@ def fly_case(
         If the file has no such flight, or was flown by other schemes; or a file cannot be written.
     """
 
+    from ampi.simulation.correction_log import CorrectionNotes, write_correction_log
     from ampi.simulation.flight_log import write_log
 
-    check_output(files.table, force=files.force, made_by="time_s,", others=[files.recorded])
-    check_figure(
-        files.plot, force=files.force, made_by=MADE_BY, others=[files.recorded, files.table]
-    )
-    if files.plot is not None and len(schemes) > 1:
-        raise ValueError(f"--plot: expected one world, law and mode, got {', '.join(schemes)}")
-    flown = _flown(mission, schemes, case, options, files.recorded)
+    _check(schemes, files)
+    notes = None if files.corrections is None else CorrectionNotes()
+    flown = _flown(mission, schemes, case, options, files.recorded, notes)
+    log = None if notes is None else notes.log(mission, next(iter(flown.values())))
     if files.table is not None:
         write_log(files.table, flown)
+    if files.corrections is not None and log is not None:
+        write_correction_log(files.corrections, log)
     if files.plot is not None:
-        from ampi.report.figures.single import flight_figure
-        from ampi.report.figures.style import save_figure
-
-        ((name, flights),) = flown.items()
-        save_figure(files.plot, flight_figure(mission, flights, f"flight {case}, {name}"), MADE_BY)
+        _draw(files.plot, mission, flown, case, log)
     _tell(flown, case, as_json=as_json, recorded=files.recorded is not None)
+
+
+def _check(schemes: Mapping[str, Scheme], files: CaseFiles) -> None:
+    """Refuse, before it is flown, what cannot be written or told."""
+    from ampi.simulation.correction_log import require_corrected
+
+    force, others = files.force, [files.recorded]
+    check_output(files.table, force=force, made_by="time_s,", others=others)
+    check_output(
+        files.corrections, force=force, made_by="time_s,outcome,", others=[*others, files.table]
+    )
+    check_figure(
+        files.plot, force=force, made_by=MADE_BY, others=[*others, files.table, files.corrections]
+    )
+    for option, path in (("--plot", files.plot), ("--corrections", files.corrections)):
+        if path is not None and len(schemes) > 1:
+            raise ValueError(
+                f"{option}: expected one world, law, mode and correction, got {', '.join(schemes)}"
+            )
+    if files.corrections is not None:
+        require_corrected(next(iter(schemes.values())).guidance)
+
+
+def _draw(
+    path: Path,
+    mission: Mission,
+    flown: Mapping[str, Flights],
+    case: int,
+    log: CorrectionLog | None,
+) -> None:
+    """The flight, or the plans that it flew where its corrections are told of."""
+    from ampi.report.figures.correction import corrections_figure
+    from ampi.report.figures.single import flight_figure
+    from ampi.report.figures.style import save_figure
+
+    ((name, flights),) = flown.items()
+    title = f"flight {case}, {name}"
+    if log is None:
+        figure = flight_figure(mission, flights, title)
+    else:
+        figure = corrections_figure(mission, log, title)
+    save_figure(path, figure, MADE_BY)
 
 
 def _flown(
@@ -72,12 +113,16 @@ def _flown(
     case: int,
     options: CampaignOptions,
     recorded: Path | None,
+    observer: Observer | None,
 ) -> dict[str, Flights]:
     from ampi.simulation.flights_file import load_campaigns
     from ampi.simulation.monte_carlo import fly_again, fly_one
 
     if recorded is None:
-        return {name: fly_one(mission, one, case, **options) for name, one in schemes.items()}
+        return {
+            name: fly_one(mission, one, case, observer=observer, **options)
+            for name, one in schemes.items()
+        }
     campaigns, flown = load_campaigns(recorded), {}
     for name, scheme in schemes.items():
         if name not in campaigns:
@@ -85,7 +130,7 @@ def _flown(
                 f"--case: expected a campaign called {name!r} in {recorded}, it has "
                 f"{', '.join(map(repr, campaigns))}; name its world, law and modes"
             )
-        flown[name] = fly_again(mission, scheme.guidance, case, campaigns[name])
+        flown[name] = fly_again(mission, scheme.guidance, case, campaigns[name], observer=observer)
         if flown[name].final_states.tobytes() != campaigns[name].final_states[case].tobytes():
             raise ValueError(
                 f"--case: flight {case} of {name!r} ends elsewhere than in {recorded}: it was flown by "

@@ -71,6 +71,9 @@ def fly(
         int | None, typer.Option(min=0, help="Fly this one again: print it cycle by cycle.")
     ] = None,
     plot: Annotated[Path | None, typer.Option(help="Of --case: draw it (PNG, PDF, SVG).")] = None,
+    corrections: Annotated[
+        Path | None, typer.Option(help="Of --case: write a row for each correction as CSV.")
+    ] = None,
     scheduler: Annotated[
         str | None, typer.Option(help="Address of a dask.distributed scheduler to fly on.")
     ] = None,
@@ -91,10 +94,13 @@ def fly(
         dataset = _read(path)
         schemes = schemes_of(dataset, world, law, modes, holes, correction)
         if case is not None:
-            files = CaseFiles(recorded=output, table=table, plot=plot, force=force)
+            files = CaseFiles(
+                recorded=output, table=table, plot=plot, corrections=corrections, force=force
+            )
             fly_case(dataset.mission, schemes, case, options, files, as_json=as_json)
             return
-        _check(path, output, table, plot, force=force)
+        _check(path, output, table, force=force)
+        _check_of_case(plot, corrections)
         with cluster(scheduler) as client:
             options |= {"output": output, "resume": not force}
             options |= {"n_jobs": jobs, "client": client}
@@ -141,13 +147,16 @@ def _read(path: Path) -> TrajectoryDataset:
     return read_dataset(path)
 
 
-def _check(
-    path: Path, output: Path | None, table: Path | None, plot: Path | None, *, force: bool
-) -> None:
+def _check(path: Path, output: Path | None, table: Path | None, *, force: bool) -> None:
     check_output(output, force=force, made_by="ampi flights", others=[path])
     check_output(table, force=force, others=[path, output])
+
+
+def _check_of_case(plot: Path | None, corrections: Path | None) -> None:
     if plot is not None:
         raise ValueError("--plot: expected --case with it; 'ampi report' draws a campaign")
+    if corrections is not None:
+        raise ValueError("--corrections: expected --case with it; they are those of one flight")
 
 
 def schemes_of(

@@ -12,6 +12,7 @@ from itertools import pairwise
 
 import numpy as np
 
+from ampi.correction.corrector import CorrectionOutcome
 from ampi.missions.mission import Mission
 from ampi.onboard.reference import Mode
 from ampi.report.published import PAPER, PAPER_FLIGHTS, PAPER_WORLD, Printed, is_of_the_paper
@@ -29,6 +30,7 @@ from ampi.simulation.statistics import (
 )
 
 NOTHING = "–"
+UNCORRECTED = "none"
 
 
 @dataclass(frozen=True)
@@ -115,7 +117,7 @@ def verdict_tables(mission: Mission, campaigns: Mapping[str, Flights]) -> tuple[
         VerdictTable(
             "Limits, hypercube and failures",
             "Limits are read at every plant step. Nominal tracking does not look at the hypercube.",
-            _health(campaigns, verdicts),
+            (*_health(campaigns, verdicts), *corrections(campaigns)),
             flown,
         ),
     )
@@ -277,3 +279,21 @@ def _health(campaigns: Mapping[str, Flights], verdicts: Mapping[str, Verdict]) -
         Group("Worst use of a limit, %", tuple(map(words, loads)), peaks),
         Group("Failures, flights", tuple(failed.values()), failures),
     )
+
+
+def corrections(campaigns: Mapping[str, Flights]) -> tuple[Group, ...]:
+    """What has become of the corrections of all flights, if any campaign corrects its plans."""
+    correcting = {n: f.corrections for n, f in campaigns.items() if f.correction != UNCORRECTED}
+    if not correcting:
+        return ()
+    came = [own for own in CorrectionOutcome if any(c[:, own].any() for c in correcting.values())]
+    lost = CorrectionOutcome.OUT_OF_REACH
+    cells = dict.fromkeys(campaigns, (Cell(NOTHING),) * (len(came) + 1)) | {
+        name: (
+            *(Cell(f"{counts[:, own].sum():,}") for own in came),
+            Cell.of(Fraction.of(counts[:, lost] > 0)),
+        )
+        for name, counts in correcting.items()
+    }
+    quantities = (*(words(own.name) for own in came), "flights ever out of reach")
+    return (Group("Corrections by their outcomes", quantities, cells),)

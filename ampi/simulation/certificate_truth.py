@@ -121,7 +121,9 @@ def check_certificates(
     inside = np.array([own.inside for own in references])
     starts = range(0, len(references), TOGETHER)
     blocks = [np.arange(len(references))[i : i + TOGETHER] for i in starts]
-    miss = np.concatenate([_flown_miss(family.take(b), [references[i] for i in b]) for b in blocks])
+    bank = np.stack([own.nodal[BANK] for own in references])
+    final_time = np.array([own.final_time for own in references])
+    miss = np.concatenate([flown_miss(family.take(b), bank[b], final_time[b]) for b in blocks])
     verdict = _verdicts(miss, _greatest_use(family, references), inside, certifier.thresholds)
     median = float(np.median(seconds))
     return CheckedCertificates(parameters, inside, found, miss, verdict, median)
@@ -138,22 +140,21 @@ def _verdicts(
     return verdict
 
 
-def _flown_miss(family: MissionFamily[Mission], references: Sequence[Reference]) -> Array:
-    """East, north and up of the target (m), (n, 3); infinite of who does not get there."""
+def flown_miss(family: MissionFamily[Mission], bank: Array, final_time: Array) -> Array:
+    """East, north and up of the target (m), (n, 3); infinite of who does not get there.
+
+    Of nodal bank angles (n, nodes) and final times (n,) on the mesh of the mission, from its entries.
+    """
     model, mission = family.flight_model(), family.mission
-    bank = np.stack([own.nodal[BANK] for own in references])
-    final_time = np.array([own.final_time for own in references])
     entry, speed = family.entry_states, family.target("speed")
     mesh = mission.pseudospectral_mesh
     try:
         end = fly_to_speed(model, mesh, bank, entry, final_time, speed, LONGEST)
     except IntegrationError:
-        if len(references) == 1:
+        if len(bank) == 1:
             return np.full((1, 3), np.inf)
-        halves = np.array_split(np.arange(len(references)), 2)  # one of them stops all
-        return np.concatenate(
-            [_flown_miss(family.take(h), [references[i] for i in h]) for h in halves]
-        )
+        halves = np.array_split(np.arange(len(bank)), 2)  # one of them stops all
+        return np.concatenate([flown_miss(family.take(h), bank[h], final_time[h]) for h in halves])
     latitude = family.target("latitude")
     radius = model.planet.equatorial_radius * (mission.target.position == "fixed")
     east = radius * np.cos(latitude) * wrapped(end[:, LONGITUDE] - family.target("longitude"))

@@ -8,6 +8,7 @@ most `PlantSettings.step`.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -27,6 +28,9 @@ from ampi.simulation.sensors import Sensors
 from ampi.simulation.truth import Truth
 
 Array = NDArray[np.float64]
+
+# told of every cycle once its commands are made: its time (s), and the guidance, to be read alone
+Observer = Callable[[float, Guidance], None]
 
 AT_LIMIT = 1e-3  # of a limit: a control that is nearer counts as saturated
 
@@ -55,14 +59,19 @@ class FlightBatch:
 
 
 def fly_batch(
-    family: MissionFamily[Mission], guidance: Guidance, truth: Truth, record_every: float = 5.0
+    family: MissionFamily[Mission],
+    guidance: Guidance,
+    truth: Truth,
+    record_every: float = 5.0,
+    *,
+    observer: Observer | None = None,
 ) -> FlightBatch:
     """Fly each mission of `family` in closed loop, in the air and with the errors of `truth`.
 
     Guidance is told the entry states that navigation measures, of all other parameters the true ones.
     """
     with np.errstate(all="ignore"):  # an absurd entry is a record with a status, not a warning
-        return _Loop(family, guidance, truth, record_every).flown()
+        return _Loop(family, guidance, truth, record_every).flown(observer)
 
 
 def plant_of(family: MissionFamily[Mission], guidance: Guidance, truth: Truth) -> Plant:
@@ -128,11 +137,13 @@ class _Loop:
         self.tally = _Tally(len(family), guidance, entries.parameters)
         self.record: list[tuple[float, Array, Array, Array]] = []
 
-    def flown(self) -> FlightBatch:
+    def flown(self, observer: Observer | None = None) -> FlightBatch:
         """All of them, to their ends."""
         step = 0
         while step == 0 or self.flights.flying.any():
             self._cycle(step)
+            if observer is not None:
+                observer(step * self.cycle, self.guidance)
             step += 1
         times, states, references, steerings = zip(*self.record, strict=True)
         flights, tally, steering = self.flights, self.tally, np.stack(steerings, axis=-1)

@@ -71,7 +71,7 @@ def instants(mission: Mission, guidance: Guidance, truth: Truth) -> Iterator[Ins
         felt = np.stack(aerodynamic_acceleration(model, flights.x, time))
         sensed = entries.sensors.acceleration(felt)
         yield Instant(time, told, sensed, steering[ANGLE], flights.x, flights.flying.copy())
-        command = guidance.step(time, told, sensed if guidance.law.senses else None)
+        command = guidance.step(time, told, sensed if guidance.senses else None)
         actuator.command(np.array([command.bank_rate, command.angle_of_attack]))
         for part in range(rhythm.parts):
             old, new = actuator.advance(part / rhythm.parts, (part + 1) / rhythm.parts)
@@ -97,6 +97,22 @@ def true_estimate(nominal: FlightModel, true: FlightModel, truth: Truth, states:
     return np.stack([constant, local, ratio, *wind, numbers["angle_of_attack_error"]])
 
 
+@dataclass(frozen=True, eq=False, kw_only=True)
+class EstimateCourse:
+    """Estimates along one flight, at k times, and what was true."""
+
+    times: Array  # (k,), s
+    altitude: Array  # (k,), m
+    truth: Array  # (k, 6)
+    mean: Array  # (k, 6)
+    covariance: Array  # (k, 6, 6)
+
+    @property
+    def deviation(self) -> Array:
+        """Standard deviations (k, 6)."""
+        return np.sqrt(np.einsum("kii->ki", self.covariance))
+
+
 @dataclass(frozen=True, eq=False)
 class CheckedEstimates:
     """Estimates of n flights at k times against the truth; not-a-number after a flight's end."""
@@ -108,6 +124,17 @@ class CheckedEstimates:
     mean: Array  # (k, 6, n)
     covariance: Array  # (k, 6, 6, n)
     nis: Array  # (k, n), mean of the innovations since the time before
+
+    def along(self, flight: int) -> EstimateCourse:
+        """Those of one flight, to its end."""
+        flown = self.flying[:, flight]
+        return EstimateCourse(
+            times=self.times[flown],
+            altitude=self.altitude[flown, flight],
+            truth=self.truth[flown, :, flight],
+            mean=self.mean[flown, :, flight],
+            covariance=self.covariance[flown][..., flight],
+        )
 
     @cached_property
     def error(self) -> Array:

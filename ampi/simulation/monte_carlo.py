@@ -22,6 +22,7 @@ from ampi.guidance import Guidance
 from ampi.missions.mission import Mission
 from ampi.simulation.batches import MODULE, Batch, Watch
 from ampi.simulation.campaign_records import CampaignRecords, Heading, is_flown
+from ampi.simulation.closed_loop import Observer
 from ampi.simulation.estimates.stopping import StopRule
 from ampi.simulation.flights import Flights
 from ampi.simulation.flights_file import load_campaigns
@@ -147,7 +148,14 @@ def fly_schemes(
     return load_campaigns(output)
 
 
-def fly_again(mission: Mission, guidance: Guidance, case: int, flights: Flights) -> Flights:
+def fly_again(
+    mission: Mission,
+    guidance: Guidance,
+    case: int,
+    flights: Flights,
+    *,
+    observer: Observer | None = None,
+) -> Flights:
     """Flight `case` of a campaign from its own record, with every guidance cycle recorded.
 
     It is the same flight to the bit: what was true of it stands in its record, as do mode, cycle and
@@ -169,21 +177,27 @@ def fly_again(mission: Mission, guidance: Guidance, case: int, flights: Flights)
             "they were flown with"
         )
     own = guidance.in_mode(flights.mode).at_cycle(flights.cycle).on_engine(flights.engine)
-    arrays = flown(mission, own, flights.truth_of([case]), flights.cycle)
+    arrays = flown(mission, own, flights.truth_of([case]), flights.cycle, observer=observer)
     attributes = {name: getattr(flights, name) for name in ATTRIBUTES}
     return flights_of(attributes, fixed_arrays(mission), [arrays])
 
 
 def fly_one(
-    mission: Mission, scheme: Scheme, case: int, **options: Unpack[CampaignOptions]
+    mission: Mission,
+    scheme: Scheme,
+    case: int,
+    *,
+    observer: Observer | None = None,
+    **options: Unpack[CampaignOptions],
 ) -> Flights:
     """Flight `case` of a campaign as its seed draws it, with every guidance cycle recorded."""
     plan = _Plan.of(mission, {"flight": scheme}, 1, options)
     ready, seed, pool = plan.schemes["flight"], plan.options["seed"], plan.options["pool"]
     require_whole("case", case)
     truth = ready.loaded_world.draw(mission, 1, seed, pool, case)
-    arrays = flown(mission, ready.guidance, truth, ready.guidance.cycle)
-    told = attributes_of(mission, ready.guidance, ready.loaded_world, seed, pool)
+    own = ready.guidance
+    arrays = flown(mission, own, truth, own.cycle, observer=observer)
+    told = attributes_of(mission, own, ready.loaded_world, seed, pool)
     return flights_of(told, fixed_arrays(mission), [arrays])
 
 

@@ -7,6 +7,7 @@ be interrupted.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -20,6 +21,7 @@ from ampi.physics.state import N_STATES
 from ampi.simulation.closed_loop import (
     Entries,
     FlightBatch,
+    Observer,
     Rhythm,
     corrections_of,
     saturated_from,
@@ -43,10 +45,13 @@ def fly_batch(
     truth: Truth,
     record_every: float = 5.0,
     instruction_set: str = "",
+    *,
+    observer: Observer | None = None,
 ) -> FlightBatch:
     """Fly each mission of `family` in closed loop, as `closed_loop.fly_batch`, in the engine.
 
-    `instruction_set` is the best of this processor, or one by its name; they give the same bits.
+    `instruction_set` is the best of this processor, or one by its name; they give the same bits. For an
+    observer the engine stops after every cycle.
 
     Raises
     ------
@@ -54,7 +59,7 @@ def fly_batch(
         If the engine of `guidance` is another one.
     """
     with np.errstate(all="ignore"):  # an absurd entry is a record with a status, not a warning
-        return _Loops(family, guidance, truth, record_every, instruction_set).flown()
+        return _Loops(family, guidance, truth, record_every, instruction_set).flown(observer)
 
 
 class _Loops:
@@ -80,19 +85,32 @@ class _Loops:
             instruction_set,
         )
 
-    def flown(self) -> FlightBatch:
+    def flown(self, observer: Observer | None = None) -> FlightBatch:
         """All of them, to their ends."""
-        noise, stride = self.entries.sensors.noise, self.rhythm.stride
-        records, cycles, flown, asked = [], 0, 0, 0
-        while flown == asked:
-            normal, uniform = (None, None) if noise is None else noise.rest()
-            asked = BLOCK if uniform is None else uniform.shape[1]
+        stride = self.rhythm.stride
+        records, cycles = [], 0
+        for asked, normal, uniform in self._noise(BLOCK if observer is None else 1):
             before, after = _records(cycles, stride), _records(cycles + asked, stride)
             rows = np.full((after - before, core().RECORD_ROWS, len(self.truth)), np.nan)
             flown = self._fly(asked, normal, uniform, rows)
+            if observer is not None and flown:
+                observer(cycles * self.rhythm.cycle, self.guidance)
             cycles += flown
             records.append(rows[: _records(cycles, stride) - before])
+            if flown < asked:
+                break
         return self._batch(np.concatenate(records), cycles)
+
+    def _noise(self, most: int) -> Iterator[tuple[int, Array | None, Array | None]]:
+        """So many cycles at the most, and their noise: normal (n, k, 10), uniform (n, k)."""
+        noise = self.entries.sensors.noise
+        while noise is None:
+            yield most, None, None
+        while True:
+            normal, uniform = noise.rest()
+            for k in range(0, uniform.shape[1], most):
+                own = normal[:, k : k + most], uniform[:, k : k + most]
+                yield own[1].shape[1], *map(np.ascontiguousarray, own)
 
     def _fly(self, cycles: int, normal: Array | None, uniform: Array | None, rows: Array) -> int:
         """Every block by so many cycles, with its noise; how many the longest has flown."""

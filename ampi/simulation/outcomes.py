@@ -13,7 +13,7 @@ from ampi.missions.mission import Mission
 from ampi.onboard.reference import Mode
 from ampi.physics.planet import bearing, great_circle_distance
 from ampi.physics.state import ALTITUDE, AZIMUTH, LATITUDE, LONGITUDE, SPEED
-from ampi.simulation.closed_loop import FlightBatch, plant_of
+from ampi.simulation.closed_loop import FlightBatch, Observer, plant_of
 from ampi.simulation.engines import fly_batch
 from ampi.simulation.plant import Plant
 from ampi.simulation.profiles import ALTITUDES
@@ -25,11 +25,16 @@ Array = NDArray[np.float64]
 
 
 def flown(
-    mission: Mission, guidance: Guidance, truth: Truth, record_every: float
+    mission: Mission,
+    guidance: Guidance,
+    truth: Truth,
+    record_every: float,
+    *,
+    observer: Observer | None = None,
 ) -> dict[str, NDArray[Any]]:
     """Every array of the flights of `truth`, by its name in the file of flights."""
     family = mission.family(truth.parameters)
-    batch = fly_batch(family, guidance, truth, record_every)
+    batch = fly_batch(family, guidance, truth, record_every, observer=observer)
     plant = plant_of(family, guidance, truth)
     arrays = {**_truth(truth), **vars(batch), **_errors(mission, family, guidance, batch)}
     arrays["time"] = arrays.pop("times")

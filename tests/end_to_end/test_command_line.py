@@ -198,6 +198,17 @@ def test_worlds_and_laws_side_by_side_and_one_flight_again(folder: Path) -> None
     assert (folder / "flight.png").stat().st_size > 1e4
 
 
+def test_the_corrections_of_one_flight_are_written_and_drawn(folder: Path) -> None:
+    one = ("--world", "everything", "--modes", "ampi", "--correction", "bank", "--cycle", "0.5")
+    files = ("--corrections", "corrections.csv", "--plot", "plans.png")
+    told = run("fly", "small.h5", *one, "--case", "4", *files, cwd=folder).stdout
+    assert "flight 4, ampi: REACHED_SPEED" in unwrapped(told)
+    log = (folder / "corrections.csv").read_text(encoding="utf-8").splitlines()
+    assert log[0].startswith("time_s,outcome,reason,iterations,")
+    assert log[1].startswith(("40.000000,PLAN_", "40.000000,OUT_OF_REACH,The plan leads to the"))
+    assert (folder / "plans.png").stat().st_size > 1e4
+
+
 def test_a_campaign_that_knows_enough_stops(folder: Path) -> None:
     stop = ("--stop-percent", "30", "--modes", "ampi", "--cycle", "0.5", "-n", "300")
     run("fly", "small.h5", *stop, "--output", "short.h5", cwd=folder)
@@ -242,6 +253,11 @@ def test_sensitivity_tells_what_the_miss_comes_from(folder: Path) -> None:
         (("fly", "small.h5", "--cycle", "0"), "cycle: expected at least 0.001 s, got 0"),
         (("fly", "small.h5", "--plot", "a.png"), "--plot: expected --case with it"),
         (("fly", "small.h5", "--case", "2", "--plot", "a.png"), "--plot: expected one world, law"),
+        (("fly", "small.h5", "--corrections", "a.csv"), "--corrections: expected --case with it"),
+        (
+            ("fly", "small.h5", "--modes", "ampi", "--case", "2", "--corrections", "a.csv"),
+            "corrections: expected a scheme that corrects its plan in flight",
+        ),
         (("fly", "small.h5", "--output", "absent/f.h5"), "f.h5: the folder "),
         (("fly", "small.h5", "--output", "small.h5"), "small.h5 is a trajectory database; nothing"),
         (("guide", "small.h5", "--csv", "small.h5"), "small.h5 is a trajectory database; nothing"),

@@ -107,7 +107,7 @@ def test_batches_change_nothing(
 
 
 def test_the_figure_shows_what_is_estimated(checked: CheckedEstimates) -> None:
-    figure = estimates_figure(checked, 1)
+    figure = estimates_figure(checked.along(1))
     assert len(figure.axes) == len(PANELS) + 1
     drag, angle = figure.axes[0], figure.axes[2]
     flown = checked.flying[:, 1]
@@ -115,4 +115,4 @@ def test_the_figure_shows_what_is_estimated(checked: CheckedEstimates) -> None:
     np.testing.assert_allclose(drag.lines[1].get_ydata(), true)
     np.testing.assert_allclose(angle.lines[0].get_ydata(), np.degrees(checked.mean[flown, 5, 1]))
     other = replace(checked, mean=checked.mean + 0.1)
-    assert not np.allclose(estimates_figure(other, 1).axes[0].lines[0].get_ydata(), true)
+    assert not np.allclose(estimates_figure(other.along(1)).axes[0].lines[0].get_ydata(), true)

@@ -12,7 +12,7 @@ from ampi.estimation.estimate import ATTACK, EAST, LIFT, LOCAL, LOG_DRAG, NORTH
 from ampi.onboard.reference import Mode
 from ampi.report.figures.panels import line_key, panel_grid, place_legend
 from ampi.report.figures.style import INK, MODE_STYLES, house_style
-from ampi.simulation.estimate_truth import CheckedEstimates
+from ampi.simulation.estimate_truth import EstimateCourse
 
 Array = NDArray[np.float64]
 
@@ -38,12 +38,9 @@ PANELS: tuple[tuple[str, tuple[int, ...], Callable[[Array], Array]], ...] = (
 
 
 @house_style
-def estimates_figure(checked: CheckedEstimates, flight: int) -> Figure:
+def estimates_figure(course: EstimateCourse) -> Figure:
     """What is wrong with the model where the vehicle is, over time, and the altitude there."""
-    flown = checked.flying[:, flight]
-    times = checked.times[flown]
-    mean, truth = checked.mean[flown, :, flight], checked.truth[flown, :, flight]
-    covariance = checked.covariance[flown][..., flight]
+    times, mean, truth, covariance = course.times, course.mean, course.truth, course.covariance
     figure, panels = panel_grid([*(panel[0] for panel in PANELS), "Altitude (km)"], 3)
     for axes, (_, rows, shown) in zip(panels, PANELS, strict=False):
         which = list(rows)
@@ -53,7 +50,7 @@ def estimates_figure(checked: CheckedEstimates, flight: int) -> Figure:
         axes.fill_between(times, low, high, color=COLOUR, alpha=0.25, linewidth=0.0)
         axes.plot(times, shown(middle), color=COLOUR, linewidth=1.2)
         axes.plot(times, shown(true), color=INK, linewidth=1.2, linestyle="--")
-    panels[-1].plot(times, checked.altitude[flown, flight] / 1e3, color=INK, linewidth=1.2)
+    panels[-1].plot(times, course.altitude / 1e3, color=INK, linewidth=1.2)
     keys = [
         line_key("estimate, with three standard deviations", COLOUR),
         line_key("truth", INK, dashed=True),

@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from ampi.physics.state import N_CORE
 from ampi.pseudospectral.lagrange import barycentric_weights, interpolation_matrix
 from ampi.pseudospectral.mesh import Mesh
+from ampi.pseudospectral.radau import flipped_radau
 
 Array = NDArray[np.float64]
 
@@ -68,8 +69,6 @@ def radau_transcription(mesh: Mesh) -> RadauTranscription:
     fixed, free = mesh.node_time
     segments = mesh.segments
     count = [s.rule.degree for s in segments]
-    first = segments[0].rule
-    inner = first.nodes[1:]
     return RadauTranscription(
         mesh=mesh,
         node_fixed=fixed,
@@ -77,23 +76,42 @@ def radau_transcription(mesh: Mesh) -> RadauTranscription:
         half_fixed=np.repeat([s.half_length[0] for s in segments], count),
         half_free=np.repeat([s.half_length[1] for s in segments], count),
         weights=np.concatenate([s.rule.weights for s in segments]),
-        core_derivative=tuple(
-            np.asarray(np.kron(s.rule.derivative[:, 1:], np.eye(N_CORE)), dtype=float)
-            for s in segments
-        ),
+        core_derivative=tuple(_of_rule(d).core_derivative for d in count),
         integration=_integration(mesh),
-        entry_rate=interpolation_matrix(inner, barycentric_weights(inner), [-1.0])[0],
+        entry_rate=_of_rule(count[0]).entry_rate,
         between=_between(mesh),
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class _OfRule:
+    """What depends on the degree alone: a flight that is planned anew has another mesh each time."""
+
+    core_derivative: Array  # D ⊗ I₅ without its first node
+    inside: Array  # D⁻¹ without the first node (Garg et al. 2011, Section 3)
+    entry_rate: Array
+    between: Array  # (k, N + 1)
+
+
+@lru_cache(maxsize=256)
+def _of_rule(degree: int) -> _OfRule:
+    rule = flipped_radau(degree)
+    inner, gaps = rule.nodes[1:], np.diff(rule.nodes)[:, None]
+    points = (rule.nodes[:-1, None] + gaps * (np.arange(1, 6) / 6.0)).ravel()
+    return _OfRule(
+        core_derivative=np.asarray(np.kron(rule.derivative[:, 1:], np.eye(N_CORE)), dtype=float),
+        inside=np.asarray(np.linalg.inv(rule.derivative[:, 1:]), dtype=float),
+        entry_rate=interpolation_matrix(inner, barycentric_weights(inner), [-1.0])[0],
+        between=interpolation_matrix(rule.nodes, rule.barycentric, points),
     )
 
 
 def _between(mesh: Mesh) -> Array:
     found = []
     for s in mesh.segments:
-        rule, gaps = s.rule, np.diff(s.rule.nodes)[:, None]
-        points = (rule.nodes[:-1, None] + gaps * (np.arange(1, 6) / 6.0)).ravel()
-        rows = np.zeros((len(points), mesh.n_nodes))
-        rows[:, s.nodes] = interpolation_matrix(rule.nodes, rule.barycentric, points)
+        values = _of_rule(s.rule.degree).between
+        rows = np.zeros((len(values), mesh.n_nodes))
+        rows[:, s.nodes] = values
         found.append(rows)
     return np.vstack(found)
 
@@ -101,12 +119,11 @@ def _between(mesh: Mesh) -> Array:
 def _integration(mesh: Mesh) -> Array:
     """Inverse of the derivative matrices of all segments, chained: x_i − x_0 = Σ_j I_ij (h f)_j.
 
-    Within a segment it is D⁻¹ without the first node (Garg et al. 2011, Section 3); the last row of
-    that, its quadrature weights, leads from one segment to the next.
+    The last row of a segment's own, its quadrature weights, leads from one segment to the next.
     """
     matrix = np.zeros((mesh.n_nodes - 1, mesh.n_nodes - 1))
     for s in mesh.segments:
-        inside = np.linalg.inv(s.rule.derivative[:, 1:])
+        inside = _of_rule(s.rule.degree).inside
         matrix[s.collocation, s.collocation] = inside
         matrix[s.collocation.stop :, s.collocation] = inside[-1]
     return matrix
