@@ -145,7 +145,7 @@ def _is_finite(step: NewtonStep) -> bool:
 
 
 def _size(step: NewtonStep, shift: Array) -> float:
-    """‖(δσ, δt_f)‖_∞, as `Points.take` measures it."""
+    """‖(δσ, δt_f)‖_∞, as `Points.take` measures it; not a number of a step that has not settled."""
     on_bank = step.change[BANK, 0].copy()
     on_bank[1:] += shift[0, :, BANK]
-    return float(max(np.abs(on_bank).max(), abs(step.z[0, -2])))
+    return float(np.abs([*on_bank, step.z[0, -2]]).max())  # `max` would overlook what is no number

@@ -15,9 +15,10 @@ from ampi.missions.mission import Mission
 from ampi.onboard.flight_model import Factors
 from ampi.propagation.reintegration import flown_again
 from ampi.replanning.front_door import replan
-from ampi.replanning.iteration import ReplanSettings
+from ampi.replanning.iteration import ReplanSettings, _size
 from ampi.replanning.outcome import ReplanOutcome
 from ampi.replanning.rest_of_flight import estimated, from_here
+from ampi.scp.condensed.newton_system import NewtonStep
 from ampi.scp.problem.capabilities import MethodError
 from ampi.trajectory import Trajectory
 
@@ -190,3 +191,8 @@ def test_states_of_every_kind_are_no_exception(mission: Mission, plan: Trajector
         here = state_at(plan, time) + scale * draw.standard_normal(8)
         found = replan(mission, here, plan, time=time, iterations=2)
         assert found.status.has_plan == (found.trajectory is not None)
+
+
+def test_a_step_whose_limits_do_not_settle_has_no_size() -> None:
+    none, change = np.full((1, 5), np.nan), np.zeros((7, 1, 4))  # as NewtonSystem.solution tells it
+    assert np.isnan(_size(NewtonStep(none, change, none, none), np.zeros((1, 3, 7))))
