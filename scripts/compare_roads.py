@@ -147,15 +147,15 @@ def out_of_reach(
 def table(found: list[Row]) -> str:
     """As Markdown."""
     lines = [
-        "| world | road | within 100 m | 500 m | 1 km | 5 km | median | 99 % | altitude, 99 % | "
-        "limits kept (2 %) | bank activity | ms a flight |",
-        "|---|---|---|---|---|---|---|---|---|---|---|---|",
+        "| world | road | flights | within 100 m | 500 m | 1 km | 5 km | median | 99 % | "
+        "altitude, 99 % | limits kept (2 %) | bank activity | ms a flight |",
+        "|---|---|---|---|---|---|---|---|---|---|---|---|---|",
     ]
     for row in found:
         own = row.numbers
         shares = " | ".join(f"{100 * share:.1f} %" for share in own["within"].values())
         lines.append(
-            f"| {row.place} | {row.road} | {shares} | {metres(own['median'])} | "
+            f"| {row.place} | {row.road} | {own['flights']} | {shares} | {metres(own['median'])} | "
             f"{metres(own['percentile_99'])} | {metres(own['altitude_99'])} | "
             f"{100 * own['limits_kept_to_2_percent']:.1f} % | {own['activity_deg']:.0f}° | "
             f"{own['ms_per_flight_and_core']:.0f} |"
