@@ -44,7 +44,8 @@ HolesOption = Annotated[
 WorldOption = Annotated[
     str,
     typer.Option(
-        help="Comma-separated: entry, hexeract, everything, arctic, arctic_january, or .toml files."
+        help="Comma-separated: entry, hexeract, factors, everything, arctic, arctic_january, or "
+        ".toml files."
     ),
 ]
 LawOption = Annotated[

@@ -150,7 +150,7 @@ def corrected(correction: Correction, told: Told, **settings: float) -> Correcte
         np.array(correction.target)[:, None],
         told.estimate,
         np.array([limits.bank_angle]),
-        np.array([limits.bank_rate]),
+        np.array([[limits.bank_rate], [correction.corrector.change_rate]]),
     )
     own = replace(correction.corrector, **settings)
     return Corrector(correction.model, own).correct(told.plans, where)

@@ -41,6 +41,6 @@ def test_without_a_compiler_the_package_says_so_and_flies_in_numpy(
 
 def test_the_engine_of_the_guidance_flies(monkeypatch: pytest.MonkeyPatch) -> None:
     for name, loop in (("native", native_loop), ("numpy", closed_loop)):
-        monkeypatch.setattr(loop, "fly_batch", lambda *given, own=name: (own, given))
+        monkeypatch.setattr(loop, "fly_batch", lambda *given, own=name, **named: (own, given))
         guidance: Any = SimpleNamespace(engine=name)
         assert engines.fly_batch(1, guidance, 2, 3.0) == (name, (1, guidance, 2, 3.0))  # type: ignore[arg-type,comparison-overlap]
