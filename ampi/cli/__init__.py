@@ -15,6 +15,7 @@ from ampi.cli import (
     audit,
     build,
     cases,
+    explore,
     export,
     fly,
     guide,
@@ -52,6 +53,7 @@ for command in (  # in the order of --help
     fly.fly,
     sensitivity.sensitivity,
     report.report,
+    explore.explore,
     export.export,
     papers.reproduce,
 ):
