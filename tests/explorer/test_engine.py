@@ -103,6 +103,9 @@ def test_the_flight_code_is_that_of_its_sources(tmp_path: Path) -> None:
     """The binary that is shipped, built anew where there is a compiler for it."""
     if shutil.which("clang") is None or shutil.which("wasm-ld") is None:
         pytest.skip("NOT CHECKED: no clang and wasm-ld, flight.wasm may be older than its sources")
+    told = subprocess.run(["clang", "--version"], check=True, capture_output=True, text=True)
+    if "version 14." not in told.stdout:
+        pytest.skip("NOT CHECKED: flight.wasm is clang 14's, another one writes other bytes")
     folder = Path(ampi.__file__).parent / "explorer" / "wasm"
     subprocess.run([folder / "build", tmp_path / "flight.wasm"], check=True)
     assert (tmp_path / "flight.wasm").read_bytes() == (folder / "flight.wasm").read_bytes()
