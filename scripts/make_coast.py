@@ -3,7 +3,8 @@
 python scripts/make_coast.py land-50m.json ampi/explorer/natural_earth_land.json
 
 `land-50m.json` is Natural Earth's land (version 4.1, public domain) as TopoJSON, from the npm package
-world-atlas 2.0.2. Islands below a size are left out; points are whole hundredths of a degree.
+world-atlas 2.0.2. Islands below a size are left out, and points nearer than `NEAREST` to the last one.
+Points are whole hundredths of a degree, each as its difference from the last.
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 SMALLEST = 0.05  # square degrees at the equator
+NEAREST = 0.08  # degrees
 SOURCE = "Natural Earth, land 1:50m, version 4.1, public domain (naturalearthdata.com)"
 
 
@@ -43,6 +45,15 @@ def area(ring: NDArray[np.float64]) -> float:
     return flat * float(np.cos(np.radians(y.mean())))
 
 
+def thinned(ring: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Without points that lie near the last one that is kept; the first and the last stay."""
+    kept = [ring[0]]
+    for point in ring[1:-1]:
+        if np.abs(point - kept[-1]).max() > NEAREST:
+            kept.append(point)
+    return np.array([*kept, ring[-1]])
+
+
 def main() -> None:
     """Read, thin out, write."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
@@ -52,10 +63,9 @@ def main() -> None:
     rings = [r for r in rings_of(json.loads(arguments.topology.read_text())) if area(r) > SMALLEST]
     whole = []
     for ring in rings:
-        steps = np.rint(100.0 * ring).astype(int)
-        kept = np.append(True, np.any(np.diff(steps, axis=0) != 0, axis=1))
-        whole.append(steps[kept].reshape(-1).tolist())
-    content = {"source": SOURCE, "unit": "0.01 deg", "rings": whole}
+        steps = np.rint(100.0 * thinned(ring)).astype(int)
+        whole.append(np.diff(steps, axis=0, prepend=0).reshape(-1).tolist())
+    content = {"source": SOURCE, "unit": "0.01 deg, differences", "rings": whole}
     arguments.output.write_text(json.dumps(content, separators=(",", ":")) + "\n")
     points = sum(len(ring) // 2 for ring in whole)
     print(f"{len(whole)} rings, {points} points, {arguments.output.stat().st_size / 1e3:.0f} kB")

@@ -16,7 +16,8 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-CORNERS = 3  # of the smallest polygon
+SLIVER = 1e-6  # square degrees: what runs along the edges to and fro is none
+EDGES = (("west", 0, 1), ("east", 0, -1), ("south", 1, 1), ("north", 1, -1))
 TURNS = (-360.0, 0.0, 360.0)  # degrees, that a ring may be away from the window
 
 
@@ -28,7 +29,7 @@ def land(window: Mapping[str, float]) -> list[Array]:
     found = []
     for ring in _rings():
         for turn in TURNS:
-            moved = ring + [turn, 0.0]
+            moved = ring + np.array([turn, 0.0])
             low, high = moved.min(axis=0), moved.max(axis=0)
             if (
                 low[0] < window["east"]
@@ -37,16 +38,14 @@ def land(window: Mapping[str, float]) -> list[Array]:
                 and high[1] > window["south"]
             ):
                 found.append(clipped(moved, window))
-    return [ring for ring in found if len(ring) >= CORNERS]
+    return [ring for ring in found if len(ring) and _area(ring) > SLIVER]
 
 
 def clipped(ring: Array, window: Mapping[str, float]) -> Array:
     """A polygon (k, 2), its first point not repeated, cut at the four edges of a window."""
-    edges = ((0, window["west"], 1), (0, window["east"], -1))
-    edges += ((1, window["south"], 1), (1, window["north"], -1))
-    for axis, bound, side in edges:
+    for name, axis, side in EDGES:
         if len(ring):
-            ring = _cut(ring, axis, bound, side)
+            ring = _cut(ring, axis, window[name], side)
     return ring
 
 
@@ -65,8 +64,15 @@ def _cut(ring: Array, axis: int, bound: float, side: int) -> Array:
     return np.array(found).reshape(-1, 2)
 
 
+def _area(ring: Array) -> float:
+    (x, y), (u, v) = ring.T, np.roll(ring, -1, axis=0).T
+    return 0.5 * abs(float(np.sum(x * v - u * y)))
+
+
 @cache
 def _rings() -> tuple[Array, ...]:
     text = files(__package__).joinpath("natural_earth_land.json").read_text("utf-8")
-    rings = (0.01 * np.array(ring).reshape(-1, 2) for ring in json.loads(text)["rings"])
+    rings = (
+        0.01 * np.array(ring).reshape(-1, 2).cumsum(axis=0) for ring in json.loads(text)["rings"]
+    )
     return tuple(ring[:-1] if np.array_equal(ring[0], ring[-1]) else ring for ring in rings)
