@@ -18,6 +18,7 @@ Array = NDArray[np.float64]
 
 SLIVER = 1e-6  # square degrees: what runs along the edges to and fro is none
 EDGES = (("west", 0, 1), ("east", 0, -1), ("south", 1, 1), ("north", 1, -1))
+SOUTH_POLE = -90.0
 TURNS = (-360.0, 0.0, 360.0)  # degrees, that a ring may be away from the window
 
 
@@ -72,7 +73,12 @@ def _area(ring: Array) -> float:
 @cache
 def _rings() -> tuple[Array, ...]:
     text = files(__package__).joinpath("natural_earth_land.json").read_text("utf-8")
-    rings = (
-        0.01 * np.array(ring).reshape(-1, 2).cumsum(axis=0) for ring in json.loads(text)["rings"]
-    )
-    return tuple(ring[:-1] if np.array_equal(ring[0], ring[-1]) else ring for ring in rings)
+    rings = [np.array(ring).reshape(-1, 2) for ring in json.loads(text)["rings"]]
+    return tuple(_on_one_turn(0.01 * np.cumsum(ring, axis=0)) for ring in rings)
+
+
+def _on_one_turn(ring: Array) -> Array:
+    """Without the jump at 180°, but for Antarctica, whose ring runs along the pole instead."""
+    if ring[:, 1].min() > SOUTH_POLE + 1.0:
+        ring[:, 0] = np.unwrap(ring[:, 0], period=360.0)
+    return ring[:-1]  # the first point is repeated
