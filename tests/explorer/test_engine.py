@@ -30,7 +30,7 @@ Explorer.open(DATA).then((engine) => {
   }));
   const told = rows.slice(0, 100).map((p) => {
     engine.references(p);
-    return engine.agreement.largest;
+    return engine.compared(p).largest;
   });
   done({ found: JSON.stringify(found), agreement: Math.max(...told) });
 });

@@ -35,7 +35,6 @@ const Explorer = (() => {
       this.world = DEVIATIONS;
       this.physics = { ...data.physics, nominal: data.nominal, limits: data.limits.length };
       this.ranges = data.ranges;
-      this.agreement = { largest: NaN, rows: 0, ok: false, text: "not compared yet" };
       this.nominalAzimuth = this.references(this.parameters.map((own) => own.nominal)).modes.nominal.azimuth.at(-1);
     }
 
@@ -43,21 +42,27 @@ const Explorer = (() => {
       return p.map((value, k) => value * this.data.units[k]);
     }
 
-    /* References of all modes; the flight code's are compared with the page's own. */
+    /* References of all modes. */
     references(p) {
       const told = this.inSi(p), modes = {}, numbers = Flight.numbersOf(this.physics, told);
-      let largest = 0, places = [];
-      this.tables.forEach((table, number) => {
+      let places = [];
+      this.nodal = this.tables.map((table, number) => {
         const { name } = this.modes[number], found = Table.nodal(table, told);
-        largest = Math.max(largest, this.disagreement(number, told, found.values));
         if (name === "ampi") places = found.places;
         modes[name] = this.reference(table, found, numbers);
+        return found.values;
       });
-      const text = largest.toExponential(0);
-      this.agreement = { largest, rows: this.tables[0].rows, ok: largest < 1e-12,
-        text: `flight C (WebAssembly) = page to ${text} of each row's range` };
       const cell = places.map((place, k) => this.cellOf(place, k));
-      return { cell, clipped: cell.some((own) => own.clipped), hole: this.code.own.is_hole() !== 0, modes };
+      return { cell, clipped: cell.some((own) => own.clipped), modes };
+    }
+
+    /* The last references beside the flight code's; whether a case without optimum has weight. */
+    compared(p) {
+      const told = this.inSi(p);
+      const each = this.tables.map((_, number) => this.disagreement(number, told, this.nodal[number]));
+      const largest = Math.max(...each), range = largest > 0 ? `to ${largest.toExponential(0)} of each row's range` : "to the bit";
+      return { largest, ok: largest < 1e-12, hole: this.code.own.is_hole() !== 0,
+        text: `the flight code in C, here as WebAssembly, and this page agree ${range}` };
     }
 
     cellOf({ cell, clipped }, k) {
