@@ -13,6 +13,7 @@ import typer
 from ampi.cli import (
     atmosphere,
     audit,
+    authoring,
     build,
     cases,
     export,
@@ -40,6 +41,8 @@ app = typer.Typer(
 for command in (  # in the order of --help
     missions.missions,
     missions.worlds,
+    authoring.new,
+    authoring.schema,
     atmosphere.atmosphere,
     solve.solve,
     build.build,

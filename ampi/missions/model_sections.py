@@ -109,7 +109,8 @@ class AtmosphereSection(Section):
     )
     altitude: u.Lengths | None = Field(
         default=None,
-        description="Of the table's rows, increasing, from the ground to the entry at least",
+        description="Of the table's rows, increasing, from the ground to the entry at least; or the "
+        "whole table in a CSV: `file` (columns altitude_m, density_kg_per_m3, speed_of_sound_m_per_s)",
     )
     density: tuple[Number, ...] | None = Field(
         default=None, description="In the table's rows (kg/m³)"
@@ -197,7 +198,8 @@ class TableSection(Section):
         description="C_L and C_D in a table over angle of attack and Mach number"
     )
     angle_of_attack: Annotated[tuple[Number, ...], Dimension("angle")] = Field(
-        description="Of the table's rows, increasing"
+        description="Of the table's rows, increasing; or the whole table in a CSV: `file` (columns "
+        "angle_of_attack_deg, mach, lift, drag)"
     )
     mach: tuple[Number, ...] = Field(description="Of the table's columns, increasing")
     lift: tuple[tuple[Number, ...], ...] = Field(
@@ -268,7 +270,7 @@ class VehicleSection(Section):
     drag_factor: Number = Field(default=1.0, gt=0, description="On the model's drag coefficient")
     aerodynamics: Annotated[
         ModifiedNewtonianSection | PolynomialSection | TableSection, Field(discriminator="model")
-    ]
+    ] = Field(description="Coefficients: modified_newtonian, polynomial, or a table")
     angle_of_attack: AngleOfAttackSection = Field(description="Schedule of the angle of attack")
 
     def build(self) -> Vehicle:

@@ -126,7 +126,9 @@ class PhaseSection(Section):
 class MeshSection(Section):
     """Phases in order of time."""
 
-    phase: tuple[PhaseSection, ...] = Field(min_length=1)
+    phase: tuple[PhaseSection, ...] = Field(
+        min_length=1, description="A phase: its end, and the degrees of its segments"
+    )
 
     @classmethod
     def of(cls, mesh: Mesh) -> MeshSection:
@@ -161,9 +163,11 @@ class MissionSections(Section):
 
     name: str = Field(pattern=r"^[a-z0-9_]+$", description="Small letters, digits and _")
     title: str = Field(pattern=r"^[^\x00-\x1f]*$", description="One line, as reports print it")
-    planet: PlanetSection = Field(description="The planet")
-    atmosphere: AtmosphereSection = Field(description="The air")
-    vehicle: VehicleSection = Field(description="Mass, area, heat flux")
+    planet: PlanetSection = Field(description="Its shape, its gravity, its rotation")
+    atmosphere: AtmosphereSection = Field(description="Density and speed of sound over altitude")
+    vehicle: VehicleSection = Field(
+        description="What flies, and how its angle of attack is scheduled"
+    )
     entry: EntrySection = Field(
         description="Where guided flight begins; bank angle and its rate there are free unless given"
     )
