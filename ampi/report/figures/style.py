@@ -115,9 +115,16 @@ def house_style(draw: Callable[P, Figure]) -> Callable[P, Figure]:
     return styled
 
 
+class HouseFigure(Figure):
+    """A figure that a notebook shows without pyplot, under the settings above."""
+
+    def _repr_png_(self) -> bytes:
+        return image_bytes(self)
+
+
 def new_figure(width: float, height: float) -> Figure:
     """Empty figure of `width` × `height` (inches) on the Agg canvas, laid out without overlaps."""
-    figure = Figure(figsize=(width, height), layout="constrained")
+    figure = HouseFigure(figsize=(width, height), layout="constrained")
     FigureCanvasAgg(figure)
     return figure
 
