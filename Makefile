@@ -9,7 +9,7 @@ export OPENBLAS_NUM_THREADS = 1
 # first (tests/conftest.py). A test that hangs fails after so many seconds, and is named.
 TWO = -n 2 --dist loadfile --no-loadscope-reorder --timeout 300
 
-.PHONY: demo test quick lint types contracts check benchmark benchmark-factory benchmark-worlds benchmark-roads benchmark-flight-code benchmark-orders benchmark-solver flight-code docs wheel lock clean
+.PHONY: demo test quick lint types contracts check benchmark benchmark-factory benchmark-worlds benchmark-roads benchmark-flight-code benchmark-orders benchmark-solver flight-code docs notebooks wheel lock clean
 
 demo: $(VENV)/.demo
 	mkdir -p demo
@@ -55,6 +55,9 @@ benchmark-orders: $(VENV)/.test
 
 flight-code: $(VENV)/.test
 	.ci/flight_code
+
+notebooks: $(VENV)/.test
+	$(BIN)/python scripts/make_notebooks.py
 
 benchmark-solver: $(VENV)/.test
 	$(BIN)/python scripts/benchmark_solver.py

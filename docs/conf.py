@@ -28,10 +28,8 @@ nitpicky = True
 nitpick_ignore_regex = [("py:exc", r"\w+Error")]  # named where they are raised, public or not
 
 math_numfig = False
-suppress_warnings = ["toc.glob"]
-math_eqref_format = "({number})"
+math_eqref_format = "Eq. ({number})"
 numfig = False
-suppress_warnings = ["toc.glob"]
 
 autodoc_member_order = "bysource"
 autodoc_typehints = "none"  # a docstring gives shapes and units; the signature gives the types

@@ -103,7 +103,7 @@ def scheme_exhibits(mission: Mission, campaigns: Mapping[str, Flights]) -> tuple
             "not reach the target speed never counts.",
             f"One panel for each world ({worlds}): rising curves, one per scheme, of the share of "
             "flights within a distance of the target, from 10 m to 1000 km on a logarithmic axis.",
-            lambda: miss_distributions(mission, campaigns),
+            lambda: miss_distributions(campaigns),
         ),
         Exhibit(
             "sensitivity",

@@ -141,7 +141,7 @@ def _within(judged: Mapping[str, Scheme]) -> Group:
 def _misses(judged: Mapping[str, Scheme]) -> Group:
     def row(misses: Sizes) -> tuple[Cell, ...]:
         own = (misses.median, misses.percentile_95, misses.percentile_99, misses.worst_mean)
-        return tuple(_estimate(estimate, KILO) for estimate in own)
+        return tuple(estimate_cell(estimate, KILO) for estimate in own)
 
     return Group(
         "Miss, km",
@@ -154,9 +154,9 @@ def _steering(judged: Mapping[str, Scheme]) -> Group:
     def row(scheme: Scheme) -> tuple[Cell, ...]:
         means = scheme.verdict.means
         return (
-            _estimate(scheme.altitude.percentile_99, KILO),
-            _estimate(means["saturation"], 100.0),
-            _estimate(means["activity"], DEGREES),
+            estimate_cell(scheme.altitude.percentile_99, KILO),
+            estimate_cell(means["saturation"], 100.0),
+            estimate_cell(means["activity"], DEGREES),
         )
 
     return Group(
@@ -187,7 +187,7 @@ def _differences(judged: Mapping[str, Scheme]) -> Group:
             return (Cell(NOTHING),) * 3
         share = paired.within[COMPARED]
         p = f"{share.p_value:.2g}" if share.p_value >= SMALLEST_P else f"< {SMALLEST_P:g}"
-        return _estimate(paired.median, KILO), _estimate(share.difference, 100.0), Cell(p)
+        return estimate_cell(paired.median, KILO), estimate_cell(share.difference, 100.0), Cell(p)
 
     return Group(
         "Less nominal tracking on the same draws",
@@ -202,7 +202,8 @@ def _share(fraction: Fraction) -> Cell:
     )
 
 
-def _estimate(estimate: Estimate, per_si: float) -> Cell:
+def estimate_cell(estimate: Estimate, per_si: float) -> Cell:
+    """A number with its interval, in the unit of `per_si`."""
     value, low, high = (
         _number(number_ * per_si) for number_ in (estimate.value, estimate.low, estimate.high)
     )

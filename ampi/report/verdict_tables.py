@@ -17,7 +17,7 @@ from ampi.missions.mission import Mission
 from ampi.onboard.reference import Mode
 from ampi.report.published import PAPER, PAPER_FLIGHTS, PAPER_WORLD, Printed, is_of_the_paper
 from ampi.report.quantities import KILO
-from ampi.report.scheme_groups import words
+from ampi.report.scheme_groups import is_corrected, words
 from ampi.simulation.flights import Flights
 from ampi.simulation.plant import FlightStatus
 from ampi.simulation.statistics import (
@@ -30,7 +30,6 @@ from ampi.simulation.statistics import (
 )
 
 NOTHING = "–"
-UNCORRECTED = "none"
 
 
 @dataclass(frozen=True)
@@ -283,7 +282,7 @@ def _health(campaigns: Mapping[str, Flights], verdicts: Mapping[str, Verdict]) -
 
 def corrections(campaigns: Mapping[str, Flights]) -> tuple[Group, ...]:
     """What has become of the corrections of all flights, if any campaign corrects its plans."""
-    correcting = {n: f.corrections for n, f in campaigns.items() if f.correction != UNCORRECTED}
+    correcting = {n: f.corrections for n, f in campaigns.items() if is_corrected(f)}
     if not correcting:
         return ()
     came = [own for own in CorrectionOutcome if any(c[:, own].any() for c in correcting.values())]

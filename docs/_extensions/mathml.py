@@ -1,7 +1,7 @@
 """Equations as MathML, which browsers render themselves: no script, no font, no network.
 
-LaTeX is converted while the pages are built (latex2mathml). Operators that LaTeX sets apart from their
-argument (sin γ) are set apart here; numbers of equations stand at the right, as references find them.
+LaTeX is converted while the pages are built (latex2mathml). Functions that LaTeX sets apart from their
+neighbours (V sin γ) are set apart here; numbers of equations stand at the right, where references lead.
 """
 
 from __future__ import annotations
@@ -14,7 +14,9 @@ from latex2mathml.converter import convert
 from sphinx.application import Sphinx
 from sphinx.util.math import get_node_equation_number
 
-NAMED = re.compile(r"(<m[io]>(?:sin|cos|tan|exp|ln|log|max|min|arctan)</m[io]>)(?!<mo|</m)")
+NAMED = r"<m[io]>(?:sin|cos|tan|exp)</m[io]>"
+BEFORE = re.compile(rf"(</(?:mi|mn|msub|msup|mfrac)>)({NAMED})")
+BEHIND = re.compile(rf"({NAMED})(?!<mo|</m)")
 THIN_SPACE = '<mspace width="0.17em"/>'
 
 
@@ -23,7 +25,7 @@ def mathml(latex: str, display: str) -> str:
     found = convert(latex, display=display)
     if "<mi>&</mi>" in found or "<mtext>\\" in found:
         raise ValueError(f"expected LaTeX that latex2mathml knows, got {latex!r}")
-    return NAMED.sub(rf"\1{THIN_SPACE}", found)
+    return BEHIND.sub(rf"\1{THIN_SPACE}", BEFORE.sub(rf"\1{THIN_SPACE}\2", found))
 
 
 def visit_inline(translator: Any, node: nodes.math) -> None:
@@ -35,7 +37,8 @@ def visit_inline(translator: Any, node: nodes.math) -> None:
 def visit_block(translator: Any, node: nodes.math_block) -> None:
     """`$$…$$`, with its number and its anchor if it has a label."""
     translator.body.append(translator.starttag(node, "div", CLASS="math"))
-    translator.body.append(mathml(node.astext().strip(), "block"))
+    equation = mathml(node.astext().strip(), "block")
+    translator.body.append(f'<div class="equation">{equation}</div>')
     if node["number"]:
         number = get_node_equation_number(translator, node)
         translator.body.append(f'<span class="eqno">({number})')

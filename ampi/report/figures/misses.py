@@ -10,10 +10,10 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import FuncFormatter
 from numpy.typing import NDArray
 
-from ampi.missions.mission import Mission
 from ampi.report.figures.campaign import back_to_front
 from ampi.report.figures.panels import line_key, place_legend
-from ampi.report.figures.style import INK, MODE_STYLES, house_style
+from ampi.report.figures.scheme_style import style_of, styles
+from ampi.report.figures.style import INK, house_style
 from ampi.report.figures.world_panels import is_leftmost, is_lowest, world_panels
 from ampi.report.quantities import KILO
 from ampi.report.scheme_groups import by_world, words
@@ -33,7 +33,7 @@ LAW_DASHES: tuple[Dashes, ...] = (
 
 
 @house_style
-def miss_distributions(mission: Mission, campaigns: Mapping[str, Flights]) -> Figure:
+def miss_distributions(campaigns: Mapping[str, Flights]) -> Figure:
     """A curve per campaign and a panel per world; a flight that did not arrive lifts no curve."""
     worlds = by_world(campaigns)
     dashes = law_dashes(campaigns)
@@ -46,7 +46,7 @@ def miss_distributions(mission: Mission, campaigns: Mapping[str, Flights]) -> Fi
             axes.plot(
                 distance * KILO,
                 100.0 * share,
-                color=MODE_STYLES[flights.mode].colour,
+                color=style_of(flights).colour,
                 linestyle=dashes[flights.law],
                 linewidth=1.8,
                 drawstyle="steps-post",
@@ -77,8 +77,8 @@ def law_dashes(campaigns: Mapping[str, Flights]) -> dict[str, Dashes]:
 
 
 def _keys(campaigns: Mapping[str, Flights], dashes: Mapping[str, Dashes]) -> list[Line2D]:
-    modes = dict.fromkeys(flights.mode for flights in back_to_front(campaigns).values())
-    keys = [line_key(mode.value, MODE_STYLES[mode].colour) for mode in modes]
+    drawn = styles(back_to_front(campaigns).values())
+    keys = [line_key(name, style.colour) for name, style in drawn.items()]
     for law, dash in dashes.items() if len(dashes) > 1 else ():
         keys.append(Line2D([], [], color=INK, linewidth=1.8, linestyle=dash, label=words(law)))
     text = ", ".join(f"{radius * KILO:g}" for radius in RADII)
