@@ -14,6 +14,7 @@ import pytest
 import typer
 
 import ampi
+import database
 from ampi.cli import app
 from tests.support.command_line import run
 from tests.support.databases import small_database
@@ -26,18 +27,18 @@ MAKE = (ROOT / "Makefile").read_text(encoding="utf-8")
 
 
 @pytest.fixture(scope="session")
-def database(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def nine_cases(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return small_database(tmp_path_factory)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
-def test_every_block_of_a_page_runs(page: Path, database: Path, tmp_path: Path) -> None:
+def test_every_block_of_a_page_runs(page: Path, nine_cases: Path, tmp_path: Path) -> None:
     blocks = blocks_of(page)
     if not blocks:
         return
     for name in ("shefex3.h5", "small.h5"):
-        shutil.copy(database, tmp_path / name)
+        shutil.copy(nine_cases, tmp_path / name)
     names: dict[str, Any] = {"__name__": "page"}
     for block in blocks:
         place = f"{page.name}:{block.line}"
@@ -115,3 +116,10 @@ def test_the_pages_of_the_site_are_all_in_its_index() -> None:
     index = (ROOT / "docs" / "index.md").read_text(encoding="utf-8")
     for page in PAGES[1:]:
         assert page.stem == "index" or re.search(rf"^{page.stem}$", index, re.MULTILINE), page.name
+
+
+def test_the_reference_has_every_public_name() -> None:
+    page = (ROOT / "docs" / "api.md").read_text(encoding="utf-8")
+    told = set(re.findall(r"^\.\. auto\w+:: ([\w.]+)", page, re.MULTILINE))
+    public = {*ampi.__all__, *(f"database.{name}" for name in database.__all__)}
+    assert public - {"__version__"} == told
