@@ -17,6 +17,8 @@ from ampi.cli import (
     build,
     cases,
     check,
+    diff,
+    doctor,
     export,
     fly,
     guide,
@@ -53,12 +55,14 @@ for command in (  # in the order of --help
     audit.audit,
     build.refine,
     build.crop,
+    diff.diff,
     guide.guide,
     fly.fly,
     sensitivity.sensitivity,
     report.report,
     export.export,
     papers.reproduce,
+    doctor.doctor,
 ):
     app.command()(command)
 
