@@ -7,13 +7,13 @@ import platform
 import shutil
 import sys
 from collections.abc import Iterator
-from importlib.metadata import PackageNotFoundError, requires, version
+from importlib.metadata import PackageNotFoundError, metadata, requires, version
 from pathlib import Path
 
 from ampi.cli.console import escaped, out, print_json
 from ampi.cli.options import Json
 
-EXTRAS = ("report", "cluster", "atmosphere")  # what users ask for; test and lint are of developers
+DEVELOPERS = ("test", "lint")  # extras that no user asks for
 TOOLS = {
     "cc": "compiles the engine, and the FMUs that carry a binary",
     "clang": "compiles the flight code to WebAssembly, with wasm-ld",
@@ -32,7 +32,7 @@ def doctor(as_json: Json = False) -> None:
         "machine": _machine(),
         "blas": _blas(),
         "engine": {"compiled engine": _engine()},
-        "extras": {extra: _extra(extra) for extra in EXTRAS},
+        "extras": {extra: _extra(extra) for extra in _extras()},
         "tools": {tool: _tool(tool, purpose) for tool, purpose in TOOLS.items()},
     }
     if as_json:
@@ -100,16 +100,31 @@ def _blas() -> Rows:
     from threadpoolctl import threadpool_info
 
     return {
-        f"{one['prefix']}": f"{one['internal_api']} {one.get('version') or '?'}, {one['num_threads']} "
+        _of_package(
+            one["filepath"]
+        ): f"{one['internal_api']} {one.get('version') or '?'}, {one['num_threads']} "
         f"thread{'s' * (one['num_threads'] != 1)}"
         for one in threadpool_info()
     } or {"none": "no library that threadpoolctl knows"}
+
+
+def _of_package(library: str) -> str:
+    """The package that brings a library: numpy of numpy.libs/libopenblas.so."""
+    return Path(library).parent.name.removesuffix(".libs")
 
 
 def _engine() -> str:
     from ampi._native.engine import WHY_NOT, is_available
 
     return "there: flights in C" if is_available() else f"not there, flights in numpy: {WHY_NOT}"
+
+
+def _extras() -> list[str]:
+    try:
+        every = metadata("ampi").get_all("Provides-Extra") or []
+    except PackageNotFoundError:
+        return []
+    return [extra for extra in every if extra not in DEVELOPERS]
 
 
 def _extra(extra: str) -> str:
