@@ -16,6 +16,9 @@ from ampi.cli import (
     authoring,
     build,
     cases,
+    check,
+    diff,
+    doctor,
     export,
     fly,
     guide,
@@ -44,6 +47,7 @@ for command in (  # in the order of --help
     authoring.new,
     authoring.schema,
     atmosphere.atmosphere,
+    check.check,
     solve.solve,
     build.build,
     cases.rerun,
@@ -51,12 +55,14 @@ for command in (  # in the order of --help
     audit.audit,
     build.refine,
     build.crop,
+    diff.diff,
     guide.guide,
     fly.fly,
     sensitivity.sensitivity,
     report.report,
     export.export,
     papers.reproduce,
+    doctor.doctor,
 ):
     app.command()(command)
 
