@@ -19,8 +19,7 @@ from ampi.missions.mission import Mission
 from ampi.onboard.reference import Mode, Reference, ReferenceGenerator
 from ampi.onboard.row_layout import LINEAR_TRACKING
 from ampi.onboard.table import GuidanceTable
-from ampi.report.figures.flown import share_within
-from ampi.report.figures.misses import distribution
+from ampi.report.figures.misses import distribution, share_within
 from ampi.report.notebook.sheets import sheet_of
 from ampi.simulation.flights import Flights
 from ampi.trajectory import Status, Trajectory
@@ -186,6 +185,6 @@ def test_figures_against_the_mission_want_the_one_flown(flights: Flights, missio
 
 def test_a_sketch_counts_as_the_figure_does(flights: Flights) -> None:
     corners, shares = distribution(flights)
-    distances, percent = share_within(flights)
-    at = np.searchsorted(corners, 1e3 * distances[1:-1], side="right") - 1
-    assert percent[1:-1] == pytest.approx(100.0 * shares[at])
+    distances, own = share_within(flights)
+    at = np.searchsorted(corners, distances[1:-1], side="right") - 1
+    assert own[1:-1] == pytest.approx(shares[at])

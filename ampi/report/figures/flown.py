@@ -20,7 +20,6 @@ from ampi.report.figures.footprint import (
     footprint_ellipse,
     span,
 )
-from ampi.report.figures.misses import FARTHEST, NEAREST
 from ampi.report.figures.panels import (
     FIGURE_WIDTH,
     draw_bundle,
@@ -89,14 +88,6 @@ def draw_end_points(axes: Axes, flights: Flights, colour: str) -> None:
     axes.set(xlabel=CROSSRANGE.label, ylabel=DOWNRANGE.label, aspect="equal")
     axes.set(xlim=(-half, half), ylim=(-half, half))
     axes.locator_params(nbins=5)
-
-
-def share_within(flights: Flights, points: int = 200) -> tuple[Array, Array]:
-    """Distances (km) in steps of one ratio, and the shares (%) of all flights within them."""
-    distances = np.geomspace(NEAREST, FARTHEST, points)
-    miss = np.sort(flights.miss[flights.reached])
-    share = np.searchsorted(miss, distances, side="right") / flights.n
-    return distances * KILO, 100.0 * share
 
 
 @house_style

@@ -24,6 +24,7 @@ Array = NDArray[np.float64]
 Dashes = str | tuple[float, tuple[float, ...]]
 
 NEAREST, FARTHEST = 10.0, 1e6  # m, ends of the axis
+MOST_CORNERS = 1000  # of a staircase that is drawn with all
 LAW_DASHES: tuple[Dashes, ...] = (
     "-",
     (0.0, (5.0, 1.5)),
@@ -43,6 +44,8 @@ def miss_distributions(campaigns: Mapping[str, Flights]) -> Figure:
             axes.axvline(radius * KILO, color="#BBBBBB", linewidth=0.8, zorder=1)
         for flights in back_to_front(flown).values():
             distance, share = distribution(flights)
+            if flights.n > MOST_CORNERS:
+                distance, share = share_within(flights)
             axes.plot(
                 distance * KILO,
                 100.0 * share,
@@ -68,6 +71,13 @@ def distribution(flights: Flights) -> tuple[Array, Array]:
     shown = miss[(miss > NEAREST) & (miss <= FARTHEST)]
     share = (near + np.arange(len(shown) + 1)) / flights.n
     return np.r_[NEAREST, shown, FARTHEST], np.r_[share, share[-1]]
+
+
+def share_within(flights: Flights, points: int = 500) -> tuple[Array, Array]:
+    """The same at distances (m) in steps of one ratio: of many flights the eye sees no more corners."""
+    distances = np.geomspace(NEAREST, FARTHEST, points)
+    miss = np.sort(flights.miss[flights.reached])
+    return distances, np.searchsorted(miss, distances, side="right") / flights.n
 
 
 def law_dashes(campaigns: Mapping[str, Flights]) -> dict[str, Dashes]:

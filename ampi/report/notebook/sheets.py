@@ -15,10 +15,10 @@ from numpy.typing import NDArray
 from ampi.missions.mission import Mission
 from ampi.onboard.reference import Reference
 from ampi.physics.angles import wrapped
+from ampi.report.cells import estimate_cell, number
 from ampi.report.quantities import DEGREES, KILO, MEGA
 from ampi.report.scheme_groups import reference_words, words
-from ampi.report.schemes_table import estimate_cell
-from ampi.report.verdict_tables import number, requirement
+from ampi.report.verdict_tables import requirement
 from ampi.simulation.estimates.paired import PairedDifference
 from ampi.simulation.estimates.proportions import Fraction
 from ampi.simulation.flights import Flights

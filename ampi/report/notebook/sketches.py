@@ -17,8 +17,9 @@ from ampi.missions.mission import Mission
 from ampi.onboard.reference import Reference
 from ampi.physics.angles import on_turn_of
 from ampi.physics.planet import bearing, destination, great_circle_distance
-from ampi.report.figures.flown import draw_end_points, share_within
+from ampi.report.figures.flown import draw_end_points
 from ampi.report.figures.ground_track import TrackBundle, draw_ground_tracks
+from ampi.report.figures.misses import share_within
 from ampi.report.figures.style import INK, LIMIT_COLOUR, TARGET_COLOUR, house_style, new_figure
 from ampi.report.quantities import ALTITUDE, BANK_ANGLE, KILO, SPEED
 from ampi.simulation.estimates.bootstrap import Estimate
@@ -115,7 +116,8 @@ def _of_flights(flights: Flights) -> Figure:
     figure = new_figure(*SIZE)
     left, right = figure.subplots(1, 2)
     draw_end_points(left, flights, COLOUR)
-    right.step(*share_within(flights), color=COLOUR, where="post")
+    distances, share = share_within(flights, CURVE_POINTS)
+    right.step(KILO * distances, 100.0 * share, color=COLOUR, where="post")
     right.set(xscale="log", ylim=(0.0, 102.0), xlabel="Miss (km)", ylabel="Flights within it (%)")
     return figure
 
