@@ -9,7 +9,7 @@ export OPENBLAS_NUM_THREADS = 1
 # first (tests/conftest.py). A test that hangs fails after so many seconds, and is named.
 TWO = -n 2 --dist loadfile --no-loadscope-reorder --timeout 300
 
-.PHONY: demo test quick lint types contracts check benchmark benchmark-factory benchmark-worlds benchmark-roads benchmark-flight-code benchmark-orders benchmark-solver flight-code wheel lock clean
+.PHONY: demo test quick lint types contracts check benchmark benchmark-factory benchmark-worlds benchmark-roads benchmark-flight-code benchmark-orders benchmark-solver flight-code docs notebooks wheel lock clean
 
 demo: $(VENV)/.demo
 	mkdir -p demo
@@ -36,28 +36,34 @@ contracts: $(VENV)/.test
 check: lint types contracts test
 
 benchmark: benchmark-flight-code
-	$(BIN)/python scripts/benchmark.py --readme README.md
+	$(BIN)/python scripts/benchmark.py --page docs/results.md
 
 benchmark-factory: $(VENV)/.test
 	$(BIN)/python scripts/benchmark_factory.py
 
 benchmark-roads: $(VENV)/.test
-	$(BIN)/python scripts/compare_roads.py demo --readme README.md
+	$(BIN)/python scripts/compare_roads.py demo --page docs/results.md
 
 benchmark-worlds: $(VENV)/.test
-	$(BIN)/python scripts/benchmark_worlds.py demo --readme README.md
+	$(BIN)/python scripts/benchmark_worlds.py demo --page docs/results.md
 
 benchmark-flight-code: $(VENV)/.test
-	$(BIN)/python scripts/benchmark_flight_code.py demo --readme README.md
+	$(BIN)/python scripts/benchmark_flight_code.py demo --page docs/results.md
 
 benchmark-orders: $(VENV)/.test
-	$(BIN)/python scripts/compare_orders.py --figure docs/orders.png --readme README.md
+	$(BIN)/python scripts/compare_orders.py --figure docs/orders.png --page docs/results.md
 
 flight-code: $(VENV)/.test
 	.ci/flight_code
 
+notebooks: $(VENV)/.test
+	$(BIN)/python scripts/make_notebooks.py
+
 benchmark-solver: $(VENV)/.test
 	$(BIN)/python scripts/benchmark_solver.py
+
+docs: $(VENV)/.docs
+	$(BIN)/python -m sphinx -W --keep-going -n -q -b html docs build/docs
 
 # manylinux where auditwheel can be had: users need no compiler then
 wheel: $(VENV)/.test
@@ -70,7 +76,7 @@ wheel: $(VENV)/.test
 # Pins every version that was tested together. Run on purpose, read the difference, commit it.
 lock:
 	rm -rf .lock-venv && $(PYTHON) -m venv .lock-venv
-	.lock-venv/bin/pip install --quiet '.[report,test,lint,cluster,atmosphere]'
+	.lock-venv/bin/pip install --quiet '.[report,test,lint,cluster,atmosphere,docs]'
 	.lock-venv/bin/pip freeze --exclude ampi --exclude-editable | grep -v ' @ ' > constraints.txt
 	rm -rf .lock-venv build
 
@@ -86,6 +92,10 @@ $(VENV)/.demo: $(VENV)/bin/python pyproject.toml constraints.txt $(SOURCES)
 
 $(VENV)/.test: $(VENV)/bin/python pyproject.toml constraints.txt $(SOURCES)
 	$(BIN)/pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[test,lint]'
+	touch $@
+
+$(VENV)/.docs: $(VENV)/bin/python pyproject.toml constraints.txt $(SOURCES)
+	$(BIN)/pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[docs]'
 	touch $@
 
 clean:

@@ -27,10 +27,13 @@ if TYPE_CHECKING:
     from ampi.onboard.health import Health, Steering
     from ampi.onboard.reference import Mode, Reference
     from ampi.onboard_model import correction_of
+    from ampi.physics.equations_of_motion import aerodynamic_acceleration, equations_of_motion
     from ampi.replanning.front_door import replan
     from ampi.replanning.outcome import Replan, ReplanOutcome
     from ampi.scp.condensed.settings import SolverSettings
+    from ampi.scp.condensed.subproblem_cvxpy import solve_subproblem_cvxpy
     from ampi.scp.guess import ConstantBank
+    from ampi.scp.literature.sparse_subproblem_cvxpy import solve_sparse_subproblem_cvxpy
     from ampi.scp.problem.capabilities import MethodError
     from ampi.scp.refinement import RefinementSettings
     from ampi.scp.solve import solve, solve_family
@@ -69,6 +72,10 @@ _HOME = {
     "Steering": "ampi.onboard.health",
     "Trajectory": "ampi.trajectory",
     "correction_of": "ampi.onboard_model",
+    "aerodynamic_acceleration": "ampi.physics.equations_of_motion",
+    "equations_of_motion": "ampi.physics.equations_of_motion",
+    "solve_sparse_subproblem_cvxpy": "ampi.scp.literature.sparse_subproblem_cvxpy",
+    "solve_subproblem_cvxpy": "ampi.scp.condensed.subproblem_cvxpy",
     "compare": "ampi.simulation.statistics",
     "fly": "ampi.simulation.monte_carlo",
     "fly_again": "ampi.simulation.monte_carlo",
@@ -113,8 +120,10 @@ __all__ = [
     "Trajectory",
     "World",
     "__version__",
+    "aerodynamic_acceleration",
     "compare",
     "correction_of",
+    "equations_of_motion",
     "fly",
     "fly_again",
     "fly_schemes",
@@ -127,13 +136,15 @@ __all__ = [
     "save_campaigns",
     "solve",
     "solve_family",
+    "solve_sparse_subproblem_cvxpy",
+    "solve_subproblem_cvxpy",
     "write_flights_csv",
 ]
 
 
 def __getattr__(name: str) -> Any:
     if name == "__version__":
-        return import_module("importlib.metadata").version("ampi")
+        return import_module("ampi.release").RELEASE
     if name in _HOME:
         return getattr(import_module(_HOME[name]), name)
     raise AttributeError(f"module 'ampi' has no attribute {name!r}")

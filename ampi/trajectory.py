@@ -12,6 +12,7 @@ from ampi.missions.path_limits import KEPT
 from ampi.outcome import Outcome
 from ampi.physics.state import N_STATES
 from ampi.pseudospectral.mesh import Mesh
+from ampi.shown import Tabulated
 
 Array = NDArray[np.float64]
 
@@ -136,7 +137,7 @@ class Statistics:
 
 
 @dataclass(frozen=True)
-class Trajectory:
+class Trajectory(Tabulated):
     """States, control and final time at the mesh nodes (SI, rad), with how they were found."""
 
     mesh: Mesh

@@ -1,7 +1,8 @@
 """What a build will take, before its first job: cases, time, room on the disk, memory.
 
-The figures are those of the machine in the README (`make benchmark-factory`), per case and worker, so
-they are good for a factor of two or so. Cases that fail take longer: each is tried along many paths.
+The figures are those of the machine of docs/results.md (`make benchmark-factory`), per case and
+worker, so they are good for a factor of two or so. Cases that fail take longer: each is tried along
+many paths.
 """
 
 from __future__ import annotations

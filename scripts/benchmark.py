@@ -1,7 +1,7 @@
-"""Measure what the README claims, and write its results table.
+"""Measure what the results page claims, and write its table.
 
 python scripts/benchmark.py                      print the table
-python scripts/benchmark.py --readme README.md   replace the table between its two markers
+python scripts/benchmark.py --page docs/results.md   replace the table between its two markers
 python scripts/benchmark.py --json               print the numbers
 python scripts/benchmark.py --fresh              also time `make demo` in a clean clone
 """
@@ -22,7 +22,7 @@ from typing import Any
 
 import numpy as np
 from ipopt_baseline import compare
-from readme_section import write_section
+from page_section import write_section
 
 import ampi
 from ampi.dataset import read_dataset
@@ -194,7 +194,7 @@ Row = tuple[str, str, str]
 
 
 def table(found: dict[str, Any]) -> str:
-    """The README's results table."""
+    """The results table of the page."""
     rows = [*_optima(found), *_build(found["build"]), *_online(found)]
     rows += _flown(found["flights"]["ampi"])
     if "fresh_demo_seconds" in found:
@@ -366,7 +366,7 @@ def main() -> None:
     """Parse, measure, print or write."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--json", action="store_true", help="print the numbers as JSON")
-    parser.add_argument("--readme", type=Path, help="replace the results in this file")
+    parser.add_argument("--page", type=Path, help="replace the results in this file")
     parser.add_argument("--fresh", action="store_true", help="time `make demo` in a clean clone")
     parser.add_argument("--probes", type=int, default=200, help="random points of the audit")
     arguments = parser.parse_args()
@@ -376,9 +376,9 @@ def main() -> None:
         return
     text = table(found)
     print(text)
-    if arguments.readme:
+    if arguments.page:
         machine = f"Measured by `make benchmark` on a shared machine: {found['machine']}."
-        write_section(arguments.readme, "results", f"{machine}\n\n{text}")
+        write_section(arguments.page, "results", f"{machine}\n\n{text}")
 
 
 if __name__ == "__main__":

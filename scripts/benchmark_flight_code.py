@@ -1,7 +1,7 @@
 """Time the flight code in C, the table that it flies, and the engine that flies it in campaigns.
 
 python scripts/benchmark_flight_code.py demo                        build and fly in the folder `demo`
-python scripts/benchmark_flight_code.py demo --readme README.md     replace the tables in this page
+python scripts/benchmark_flight_code.py demo --page docs/results.md     replace the tables in this page
 python scripts/benchmark_flight_code.py demo --json                 print the numbers
 """
 
@@ -22,7 +22,7 @@ import numpy as np
 from flight_truth import flown_by_dop853, seconds_of_one_call
 from memory_watch import MemoryWatch
 from numpy.typing import NDArray
-from readme_section import write_section
+from page_section import write_section
 from scipy.interpolate import RegularGridInterpolator
 
 import ampi
@@ -235,7 +235,7 @@ Row = tuple[str, str, str]
 
 
 def table(found: dict[str, Any]) -> str:
-    """The README's table."""
+    """The results page's table."""
     rows = [*_reference_rows(found["reference_us"]), *_table_rows(found["table"])]
     rows += [*_flight_rows(found), *_campaign_rows(found)]
     lines = ["| what | asked | measured |", "|---|---|---|"]
@@ -342,7 +342,7 @@ def main() -> None:
     parser.add_argument("folder", type=Path, help="for the database and flights")
     parser.add_argument("--many", type=int, default=100_000, help="flights of the long campaign")
     parser.add_argument("--json", action="store_true", help="print the numbers as JSON")
-    parser.add_argument("--readme", type=Path, help="replace the table in this page")
+    parser.add_argument("--page", type=Path, help="replace the table in this page")
     arguments = parser.parse_args()
     found = measure(arguments.folder, arguments.many)
     if arguments.json:
@@ -350,8 +350,8 @@ def main() -> None:
         return
     text = table(found)
     print(text)
-    if arguments.readme:
-        write_section(arguments.readme, "flight code", text)
+    if arguments.page:
+        write_section(arguments.page, "flight code", text)
 
 
 if __name__ == "__main__":

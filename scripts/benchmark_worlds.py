@@ -1,7 +1,7 @@
-"""Fly the flight software in worlds that differ from its model, and write the README's tables of that.
+"""Fly the flight software in worlds that differ from its model, and write the tables of that.
 
 python scripts/benchmark_worlds.py demo                        build and fly in the folder `demo`, print
-python scripts/benchmark_worlds.py demo --readme README.md     replace the tables between their markers
+python scripts/benchmark_worlds.py demo --page docs/results.md   replace its tables
 python scripts/benchmark_worlds.py demo --json                 print the numbers
 """
 
@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from readme_section import write_section
+from page_section import write_section
 
 import ampi
 import database
@@ -132,7 +132,7 @@ def inside_the_hypercube(flown: Mapping[str, ampi.Flights]) -> dict[str, float]:
 
 
 def measure(folder: Path, n: int) -> dict[str, Any]:
-    """Everything that the README's tables say."""
+    """Everything that the results page's tables say."""
     flown = campaigns(folder, n)
     found: dict[str, Any] = {name: measured(flights) for name, flights in flown.items()}
     own = paper(folder, PAPER_FLIGHTS)
@@ -191,7 +191,7 @@ HEAD = [
 
 
 def table(found: Mapping[str, Any]) -> str:
-    """The README's tables."""
+    """The results page's tables."""
     head = f"| world, law, reference | {' | '.join(HEAD)} |"
     rule = f"|{'---|' * (len(HEAD) + 1)}"
     lines = [head, rule]
@@ -275,7 +275,7 @@ def main() -> None:
     parser.add_argument("folder", type=Path, help="for databases and flights; run again to resume")
     parser.add_argument("--flights", type=int, default=300, help="per scheme")
     parser.add_argument("--json", action="store_true", help="print the numbers as JSON")
-    parser.add_argument("--readme", type=Path, help="replace the tables in this file")
+    parser.add_argument("--page", type=Path, help="replace the tables in this file")
     arguments = parser.parse_args()
     found = measure(arguments.folder, arguments.flights)
     if arguments.json:
@@ -283,8 +283,8 @@ def main() -> None:
         return
     text = table(found)
     print(text)
-    if arguments.readme:
-        write_section(arguments.readme, "worlds", text)
+    if arguments.page:
+        write_section(arguments.page, "worlds", text)
 
 
 if __name__ == "__main__":

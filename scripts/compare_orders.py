@@ -3,7 +3,7 @@
 python scripts/compare_orders.py                            print the tables
 python scripts/compare_orders.py --figure orders.svg        and draw them
 python scripts/compare_orders.py --json orders.json         and keep the numbers
-python scripts/compare_orders.py --readme README.md         replace the tables between their markers
+python scripts/compare_orders.py --page docs/results.md         replace the tables between their markers
 
 SHEFEX-3 over the box of its grid, by tables of more or fewer points an axis, full or sparse: in three
 entry states, and in all six. Errors are those of references at random points against the optimum there.
@@ -21,7 +21,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from order_errors import Optima, Table, full_table, measured, sparse_table
-from readme_section import write_section
+from page_section import write_section
 
 import ampi
 from ampi.cli.progress import progress
@@ -187,7 +187,7 @@ def main() -> None:
     parser.add_argument("--probes", type=int, default=100, help="random entries")
     parser.add_argument("--json", type=Path, help="write the numbers")
     parser.add_argument("--figure", type=Path, help="draw (SVG, PNG, PDF)")
-    parser.add_argument("--readme", type=Path, help="replace the table in this page")
+    parser.add_argument("--page", type=Path, help="replace the table in this page")
     arguments = parser.parse_args()
     found = measure(arguments)
     text = text_of(found)
@@ -196,8 +196,8 @@ def main() -> None:
         arguments.json.write_text(json.dumps(found, indent=1), encoding="utf-8")
     if arguments.figure:
         save_figure(arguments.figure, drawing(found), "scripts/compare_orders.py")
-    if arguments.readme:
-        write_section(arguments.readme, "orders", text_of(of_all_states(found)))
+    if arguments.page:
+        write_section(arguments.page, "orders", text_of(of_all_states(found)))
 
 
 if __name__ == "__main__":

@@ -1,6 +1,6 @@
 """Roads to the target when the model is wrong, on the same draws: one table.
 
-python scripts/compare_roads.py FOLDER [--flights 1000] [--json roads.json] [--readme README.md]
+python scripts/compare_roads.py FOLDER [--flights 1000] [--json roads.json] [--page docs/results.md]
 
 A fixed reference {nominal, AMPI, quadratic}, tracked; and plans that begin as AMPI's, corrected in
 flight by bank alone, by bank and angle of attack. The databases are built into FOLDER.
@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from readme_section import write_section
+from page_section import write_section
 
 import ampi
 import database
@@ -191,7 +191,7 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=2016)
     parser.add_argument("--worlds", nargs="*", default=[])
     parser.add_argument("--json", type=Path)
-    parser.add_argument("--readme", type=Path, help="replace the table in this file")
+    parser.add_argument("--page", type=Path, help="replace the table in this file")
     asked = parser.parse_args()
     found = []
     for row in rows(asked.folder, asked.flights, asked.seed, asked.worlds):
@@ -201,8 +201,8 @@ def main() -> None:
             told = [vars(own) for own in found]
             asked.json.write_text(json.dumps(told, indent=2) + "\n", encoding="utf-8")
     print(table(found))
-    if asked.readme:
-        write_section(asked.readme, SECTION, table(found))
+    if asked.page:
+        write_section(asked.page, SECTION, table(found))
 
 
 if __name__ == "__main__":

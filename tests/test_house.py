@@ -18,11 +18,17 @@ LONG_FILES: set[str] = set()
 LONG_FUNCTIONS: set[str] = set()
 UNREACHED: set[str] = {"ampi.simulation.estimates.sensitivity"}
 
-# what people start and import: the packages, the commands, the scripts, and what the README shows
+# what people start and import: the packages, the commands, the scripts, and what the pages show
 DOORS = {"ampi", "ampi.cli.__main__", "database"}
 SCRIPTS = sorted((ROOT / "scripts").glob("*.py"))
-README = (ROOT / "README.md").read_text(encoding="utf-8")
-SHOWN = set(re.findall(r"^(?:from|import) ((?:ampi|database)[\w.]*)", README, re.MULTILINE))
+PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
+SHOWN = {
+    name
+    for page in PAGES
+    for name in re.findall(
+        r"^(?:from|import) ((?:ampi|database)[\w.]*)", page.read_text("utf-8"), re.MULTILINE
+    )
+}
 
 
 def module_of(path: Path) -> str:

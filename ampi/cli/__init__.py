@@ -13,8 +13,12 @@ import typer
 from ampi.cli import (
     atmosphere,
     audit,
+    authoring,
     build,
     cases,
+    check,
+    diff,
+    doctor,
     explore,
     export,
     fly,
@@ -41,7 +45,10 @@ app = typer.Typer(
 for command in (  # in the order of --help
     missions.missions,
     missions.worlds,
+    authoring.new,
+    authoring.schema,
     atmosphere.atmosphere,
+    check.check,
     solve.solve,
     build.build,
     cases.rerun,
@@ -49,6 +56,7 @@ for command in (  # in the order of --help
     audit.audit,
     build.refine,
     build.crop,
+    diff.diff,
     guide.guide,
     fly.fly,
     sensitivity.sensitivity,
@@ -56,6 +64,7 @@ for command in (  # in the order of --help
     explore.explore,
     export.export,
     papers.reproduce,
+    doctor.doctor,
 ):
     app.command()(command)
 

@@ -12,6 +12,7 @@ from ampi.export.instruction_bounds import InstructionBounds
 from ampi.onboard.clock import LONGEST, SHORTEST
 from ampi.onboard.health import Health, Steering
 from ampi.onboard.row_layout import STATES
+from ampi.release import RELEASE
 
 # of ampi_table_open, in the order of their numbers
 STATUSES = {
@@ -30,7 +31,7 @@ def interface(model: FmuModel, blob: bytes, sizes: CodeSizes, on_board: bytes | 
     """The document; `on_board` is the blob of the model that corrects plans, if there is one."""
     return "\n".join(
         [
-            f"# Flight code: {model.name}\n",
+            f"# Flight code: {model.name}\n\nWritten by ampi {RELEASE}.\n",
             _use(model),
             _inputs(model),
             _outputs(),

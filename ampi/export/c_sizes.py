@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from ampi.onboard.table import GuidanceTable
+from ampi.release import RELEASE
 
 CHUNK = 64  # points that ampi_reference.c converts at once
 _Number, _Word, _Place = ctypes.c_double, ctypes.c_uint32, ctypes.c_size_t
@@ -54,7 +55,10 @@ class CodeSizes:
             "POINTS": self.points,
         }
         lines = "".join(f"#define AMPI_MAX_{name} {limit}u\n" for name, limit in limits.items())
-        about = "/* The sizes of this table: ampi_table_open refuses a larger one. */\n"
+        about = (
+            f"/* Written by ampi {RELEASE}.\n"
+            "   The sizes of this table: ampi_table_open refuses a larger one. */\n"
+        )
         return f"{about}#ifndef AMPI_CONFIG_H\n#define AMPI_CONFIG_H\n{lines}#endif\n"
 
     @property

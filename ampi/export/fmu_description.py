@@ -23,6 +23,7 @@ from ampi.onboard.health import Health, Steering
 from ampi.onboard.row_layout import BANK_RATE, STATES
 from ampi.onboard.table import GuidanceTable
 from ampi.outcome import Outcome
+from ampi.release import RELEASE
 
 Array = NDArray[np.float64]
 Version = Literal[2, 3]
@@ -157,7 +158,7 @@ def model_description(
             "modelName": model.name,
             "guid" if version == 2 else "instantiationToken": token,
             "description": "Entry guidance: each communication step is one guidance cycle.",
-            "generationTool": "ampi",
+            "generationTool": f"ampi {RELEASE}",
         },
     )
     state = "canGetAndSetFMUstate" if version == 2 else "canGetAndSetFMUState"

@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from ampi.missions import units as u
-from ampi.missions.sections import EntrySection, MissionSections, TargetSection
+from ampi.missions.flight_sections import EntrySection, TargetSection
+from ampi.missions.sections import MissionSections
 from ampi.physics.angles import on_turn_of
 from ampi.physics.path_constraints import no_fly_zone, path_constraints
 from ampi.physics.planet import great_circle_distance

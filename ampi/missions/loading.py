@@ -11,8 +11,8 @@ from pydantic import TypeAdapter, ValidationError
 
 from ampi.missions import units as u
 from ampi.missions.agreement import disagreements
-from ampi.missions.air_table import with_air_table
 from ampi.missions.mission import Mission
+from ampi.missions.named_files import with_named_files
 from ampi.missions.sections import MissionError, MissionSections
 from ampi.missions.source import Shelf
 
@@ -32,7 +32,7 @@ def parse_mission(text: str, label: str = "mission", folder: Traversable | None 
     except tomllib.TOMLDecodeError as error:
         raise MissionError(f"{label}: not valid TOML: {error}") from None
     try:
-        data = with_air_table(data, folder)
+        data = with_named_files(data, folder)
     except ValueError as error:
         raise MissionError(f"{label}: {error}") from None
     try:

@@ -20,9 +20,10 @@ from ampi.missions.text import toml_text
 from ampi.missions.units import sentences
 from ampi.physics.state import ENTRY_STATES
 from ampi.pseudospectral.mesh import Mesh
+from ampi.shown import Shown
 
 
-class Mission(MissionSections):
+class Mission(MissionSections, Shown):
     """A whole mission, frozen. Everything in SI and radians; load one with `load_mission`."""
 
     @model_validator(mode="after")

@@ -34,11 +34,22 @@ class PlanetSection(Section):
     in the Earth's g on Mars).
     """
 
-    model: Literal["wgs84", "sphere"]
-    radius: u.Length | None = Field(default=None, gt=0)
-    surface_gravity: Number | None = Field(default=None, gt=0)  # m/s²
-    rotation_rate: Number | None = None  # rad/s; a sphere without one stands still
-    load_factor_gravity: Number | None = Field(default=None, gt=0)  # m/s², g₀ of the load factor
+    model: Literal["wgs84", "sphere"] = Field(
+        description="wgs84 (ellipsoid, J2, rotation), or a sphere of the numbers below"
+    )
+    radius: u.Length | None = Field(default=None, gt=0, description="Radius of the sphere")
+    surface_gravity: Number | None = Field(
+        default=None, gt=0, description="Gravity on the surface of the sphere (m/s²)"
+    )
+    rotation_rate: Number | None = Field(
+        default=None,
+        description="Of the sphere about its axis (rad/s); without one it stands still",
+    )
+    load_factor_gravity: Number | None = Field(
+        default=None,
+        gt=0,
+        description="g₀ that load factors are counted in (m/s²); else the surface gravity",
+    )
 
     @model_validator(mode="after")
     def _sphere_is_complete(self) -> PlanetSection:
@@ -81,14 +92,30 @@ class AtmosphereSection(Section):
     at least. A mission file may name a CSV in their place (`file`, air_table); a mission holds them.
     """
 
-    model: Literal["us76", "exponential", "table"]
-    density_factor: Number = Field(default=1.0, gt=0)  # on the model's density, nominal 1
-    surface_density: Number | None = Field(default=None, gt=0)
-    scale_height: u.Length | None = Field(default=None, gt=0)
-    specific_heat_ratio: Number | None = Field(default=None, gt=1)
-    altitude: u.Lengths | None = None
-    density: tuple[Number, ...] | None = None  # kg/m³
-    speed_of_sound: u.Speeds | None = None
+    model: Literal["us76", "exponential", "table"] = Field(
+        description="us76, exponential (isothermal), or a table over altitude"
+    )
+    density_factor: Number = Field(default=1.0, gt=0, description="On the model's density")
+    surface_density: Number | None = Field(
+        default=None, gt=0, description="Of the exponential model at altitude 0 (kg/m³)"
+    )
+    scale_height: u.Length | None = Field(
+        default=None, gt=0, description="Of the exponential model"
+    )
+    specific_heat_ratio: Number | None = Field(
+        default=None,
+        gt=1,
+        description="κ of the exponential model's speed of sound; 1.4 unless given",
+    )
+    altitude: u.Lengths | None = Field(
+        default=None,
+        description="Of the table's rows, increasing, from the ground to the entry at least; or the "
+        "whole table in a CSV: `file` (columns altitude_m, density_kg_per_m3, speed_of_sound_m_per_s)",
+    )
+    density: tuple[Number, ...] | None = Field(
+        default=None, description="In the table's rows (kg/m³)"
+    )
+    speed_of_sound: u.Speeds | None = Field(default=None, description="In the table's rows")
 
     @model_validator(mode="after")
     def _model_is_complete(self) -> AtmosphereSection:
@@ -134,10 +161,12 @@ class AtmosphereSection(Section):
 class ModifiedNewtonianSection(Section):
     """C_N = normal_quadratic · sin²α + normal_linear · sin α; C_A = axial."""
 
-    model: Literal["modified_newtonian"]
-    normal_quadratic: Number
-    normal_linear: Number
-    axial: Number
+    model: Literal["modified_newtonian"] = Field(
+        description="C_N = normal_quadratic sin²α + normal_linear sin α, C_A = axial"
+    )
+    normal_quadratic: Number = Field(description="Of the normal-force coefficient, times sin²α")
+    normal_linear: Number = Field(description="Of the normal-force coefficient, times sin α")
+    axial: Number = Field(description="Axial-force coefficient")
 
     def build(self) -> Aerodynamics:
         """The physics object."""
@@ -151,9 +180,11 @@ class ModifiedNewtonianSection(Section):
 class PolynomialSection(Section):
     """C_L = Σ lift[k] α^k (α in degrees), C_D = Σ drag[k] C_L^k."""
 
-    model: Literal["polynomial"]
-    lift: tuple[Number, ...]
-    drag: tuple[Number, ...]
+    model: Literal["polynomial"] = Field(
+        description="C_L a polynomial in α (degrees), C_D one in C_L"
+    )
+    lift: tuple[Number, ...] = Field(description="Coefficients of α⁰, α¹, … (α in degrees)")
+    drag: tuple[Number, ...] = Field(description="Coefficients of C_L⁰, C_L¹, …")
 
     def build(self) -> Aerodynamics:
         """The physics object."""
@@ -163,11 +194,20 @@ class PolynomialSection(Section):
 class TableSection(Section):
     """Rows over angle of attack, columns over Mach number."""
 
-    model: Literal["table"]
-    angle_of_attack: Annotated[tuple[Number, ...], Dimension("angle")]
-    mach: tuple[Number, ...]
-    lift: tuple[tuple[Number, ...], ...]
-    drag: tuple[tuple[Number, ...], ...]
+    model: Literal["table"] = Field(
+        description="C_L and C_D in a table over angle of attack and Mach number"
+    )
+    angle_of_attack: Annotated[tuple[Number, ...], Dimension("angle")] = Field(
+        description="Of the table's rows, increasing; or the whole table in a CSV: `file` (columns "
+        "angle_of_attack_deg, mach, lift, drag)"
+    )
+    mach: tuple[Number, ...] = Field(description="Of the table's columns, increasing")
+    lift: tuple[tuple[Number, ...], ...] = Field(
+        description="C_L: a list for each angle of attack, a number for each Mach number"
+    )
+    drag: tuple[tuple[Number, ...], ...] = Field(
+        description="C_D: a list for each angle of attack, a number for each Mach number"
+    )
 
     def build(self) -> Aerodynamics:
         """The physics object."""
@@ -179,13 +219,25 @@ class TableSection(Section):
 class AngleOfAttackSection(Section):
     """Two constant angles joined by a line or a parabola over time (s) or speed (m/s)."""
 
-    variable: Literal["time", "speed"]
-    shape: Literal["line", "parabola"] = "line"
-    start: Number
-    end: Number
-    start_angle: u.Angle
-    end_angle: u.Angle
-    smoothing: Number = Field(default=0.0, ge=0)  # in the variable's unit; rounds the kinks
+    variable: Literal["time", "speed"] = Field(
+        description="What the schedule goes by: time (s) or speed (m/s)"
+    )
+    shape: Literal["line", "parabola"] = Field(
+        default="line", description="How the two constant angles are joined"
+    )
+    start: Number = Field(
+        description="Where the first angle ends, in the variable's unit (s or m/s)"
+    )
+    end: Number = Field(
+        description="Where the second angle begins, in the variable's unit (s or m/s)"
+    )
+    start_angle: u.Angle = Field(description="Angle of attack before `start`")
+    end_angle: u.Angle = Field(description="Angle of attack after `end`")
+    smoothing: Number = Field(
+        default=0.0,
+        ge=0,
+        description="Rounds the kinks, in the variable's unit (s or m/s); 0: none",
+    )
 
     def build(self) -> AngleOfAttackSchedule:
         """The physics object."""
@@ -203,17 +255,23 @@ class AngleOfAttackSection(Section):
 class VehicleSection(Section):
     """Mass, reference area, heat-flux model, aerodynamics and angle-of-attack schedule."""
 
-    mass: u.Mass = Field(gt=0)
-    reference_area: u.Area = Field(gt=0)
-    heat_flux_constant: Number = Field(gt=0)
-    heat_flux_speed_exponent: Number = Field(default=3.0, ge=1, le=4)
-    load_factor: Literal["normal", "total"] = "normal"  # L cos α + D sin α, or √(L² + D²)
-    lift_factor: Number = Field(default=1.0, gt=0)  # on the model's lift coefficient, nominal 1
-    drag_factor: Number = Field(default=1.0, gt=0)  # on its drag coefficient, nominal 1
+    mass: u.Mass = Field(gt=0, description="Mass")
+    reference_area: u.Area = Field(gt=0, description="Area that the coefficients refer to")
+    heat_flux_constant: Number = Field(
+        gt=0, description="k of the heat flux k √ρ Vⁿ (SI: kg^(1/2)/m³ for n = 3)"
+    )
+    heat_flux_speed_exponent: Number = Field(
+        default=3.0, ge=1, le=4, description="n of the heat flux k √ρ Vⁿ"
+    )
+    load_factor: Literal["normal", "total"] = Field(
+        default="normal", description="normal: L cos α + D sin α; total: √(L² + D²)"
+    )
+    lift_factor: Number = Field(default=1.0, gt=0, description="On the model's lift coefficient")
+    drag_factor: Number = Field(default=1.0, gt=0, description="On the model's drag coefficient")
     aerodynamics: Annotated[
         ModifiedNewtonianSection | PolynomialSection | TableSection, Field(discriminator="model")
-    ]
-    angle_of_attack: AngleOfAttackSection
+    ] = Field(description="Coefficients: modified_newtonian, polynomial, or a table")
+    angle_of_attack: AngleOfAttackSection = Field(description="Schedule of the angle of attack")
 
     def build(self) -> Vehicle:
         """The physics object."""

@@ -18,10 +18,15 @@ def toml_text(tables: Mapping[str, Any]) -> str:
     return "\n".join(_lines(tables, "")).strip("\n") + "\n"
 
 
+def assignment(key: str, value: Any) -> str:
+    """The line, or lines, that give a key its value."""
+    return f"{_key(key)} = {_value(value, len(key))}"
+
+
 def _lines(table: Mapping[str, Any], above: str) -> Iterator[str]:
     for key, value in table.items():
         if not _is_table(value):
-            yield f"{_key(key)} = {_value(value, len(key))}"
+            yield assignment(key, value)
     for key, value in table.items():
         path = f"{above}{_key(key)}"
         if isinstance(value, dict):
@@ -50,6 +55,8 @@ def _string(text: str) -> str:
 def _value(value: Any, before: int = 0) -> str:
     if isinstance(value, str):
         return _string(value)
+    if isinstance(value, dict):
+        return f"{{ {', '.join(assignment(key, item) for key, item in value.items())} }}"
     if isinstance(value, list):
         items = [_value(item) for item in value]
         line = f"[{', '.join(items)}]"

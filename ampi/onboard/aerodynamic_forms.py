@@ -95,6 +95,12 @@ def _basis(knots: Array, x: Any) -> Array:
 
 def _tensor(weights: Array, left: Array, right: Array) -> Array:
     """Σ_ij w_ij left_i right_j of (a, …) and (m, …), one term after the other."""
-    shape = (*weights.shape, *(1,) * (left.ndim - 1))
-    rows = np.add.reduce(weights.reshape(shape) * right, axis=1)
+    axes = max(left.ndim, right.ndim) - 1  # of the points, of which one factor may have fewer
+    left, right = _with_axes(left, axes), _with_axes(right, axes)
+    rows = np.add.reduce(weights.reshape(*weights.shape, *(1,) * axes) * right, axis=1)
     return np.asarray(np.add.reduce(rows * left, axis=0))
+
+
+def _with_axes(basis: Array, axes: int) -> Array:
+    """(k, …) with so many axes of points, behind those of the functions."""
+    return basis.reshape(len(basis), *(1,) * (axes + 1 - basis.ndim), *basis.shape[1:])

@@ -18,6 +18,7 @@ from ampi.onboard.plausibility import SANE, TURN, numbers, on_turn_of
 from ampi.onboard.row_layout import RowLayout
 from ampi.onboard.subspace import Order
 from ampi.onboard.table import GuidanceTable
+from ampi.shown import Tabulated
 
 Array = NDArray[np.float64]
 
@@ -84,7 +85,7 @@ class NodalReference:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Reference(NodalReference):
+class Reference(NodalReference, Tabulated):
     """The high-density reference; m points. Arrays are overwritten by the next entry: `copy`."""
 
     times: Array  # (m,), s since the entry interface

@@ -11,12 +11,11 @@ from matplotlib.figure import Figure
 from ampi.missions.mission import Mission
 from ampi.onboard.table import GuidanceTable
 from ampi.report.figures import campaign as over_time
-from ampi.report.figures import database, end_map, sensitivity
+from ampi.report.figures import database
 from ampi.report.figures import footprint as at_the_end
-from ampi.report.figures.misses import miss_distributions
 from ampi.report.figures.runge import runge_phenomenon
 from ampi.report.figures.style import ImageFormat
-from ampi.report.scheme_groups import by_world, like_the_paper, scheme_groups, words
+from ampi.report.scheme_groups import like_the_paper, scheme_groups, words
 from ampi.simulation.flights import Flights
 
 
@@ -89,57 +88,19 @@ def database_exhibits(mission: Mission, table: GuidanceTable) -> tuple[Exhibit, 
     )
 
 
-def scheme_exhibits(mission: Mission, campaigns: Mapping[str, Flights]) -> tuple[Exhibit, ...]:
-    """All schemes in all worlds: misses, what they come from, and where flights end."""
-    worlds, laws = ", ".join(by_world(campaigns)), {f.law for f in campaigns.values()}
-    told = "colour is the reference, line style the law" if len(laws) > 1 else "colour: reference"
-    explained = sensitivity.explained(campaigns)
-    law = words(next(iter(campaigns.values())).law)
-    return (
-        Exhibit(
-            "misses",
-            "Misses",
-            f"Share of all flights that end within a distance of the target; {told}. A flight that did "
-            "not reach the target speed never counts.",
-            f"One panel for each world ({worlds}): rising curves, one per scheme, of the share of "
-            "flights within a distance of the target, from 10 m to 1000 km on a logarithmic axis.",
-            lambda: miss_distributions(mission, campaigns),
-        ),
-        Exhibit(
-            "sensitivity",
-            "What misses come from",
-            "Spearman's rank correlations with every number that differed from flight to flight. A "
-            "flight that did not reach the target speed counts as the farthest; the miss along the "
-            "track, positive beyond the target, is that of the others.",
-            f"Bars with intervals for {', '.join(explained)}: rank correlations of the distance missed "
-            "and of the signed miss along the track with each dispersed number.",
-            lambda: sensitivity.sensitivity(mission, campaigns),
-        ),
-        Exhibit(
-            "map",
-            "Where flights end",
-            f"End points of the {law} law around the target, each world at its own scale; distances "
-            "are along great circles.",
-            f"One map for each world ({worlds}) in longitude and latitude: end points around the "
-            "target with their 95 percent covariance ellipses, the ellipses that hold 95 percent of "
-            "all flights, and circles of the radii that are judged.",
-            lambda: end_map.end_map(mission, campaigns),
-        ),
-    )
-
-
 def campaign_exhibits(mission: Mission, campaigns: Mapping[str, Flights]) -> tuple[Exhibit, ...]:
     """Figs. 11–19, of one law in one world: flights of several hide each other."""
     groups = scheme_groups(campaigns)
     group = like_the_paper(groups)
-    exhibits = _flight_exhibits(mission, group.campaigns)
+    exhibits = flight_exhibits(mission, group.campaigns)
     if len(groups) == 1:
         return exhibits
     of = f"World {group.world}, {words(group.law)} law."
     return tuple(replace(exhibit, caption=f"{exhibit.caption} {of}") for exhibit in exhibits)
 
 
-def _flight_exhibits(mission: Mission, campaigns: Mapping[str, Flights]) -> tuple[Exhibit, ...]:
+def flight_exhibits(mission: Mission, campaigns: Mapping[str, Flights]) -> tuple[Exhibit, ...]:
+    """Of campaigns that are drawn in the same panels."""
     pair = " and ".join(over_time.compared(campaigns))
     return (
         Exhibit(

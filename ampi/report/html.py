@@ -4,29 +4,25 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from importlib import resources
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from jinja2 import Environment, StrictUndefined
+from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from ampi.missions.mission import Mission
 from ampi.onboard.reference import Mode
 from ampi.onboard.table import GuidanceTable
 from ampi.outputs import written
-from ampi.report.exhibits import (
-    Exhibit,
-    campaign_exhibits,
-    database_exhibits,
-    scheme_exhibits,
-)
+from ampi.report.board import board
+from ampi.report.exhibits import Exhibit, campaign_exhibits, database_exhibits
 from ampi.report.figures.database import with_optimum
 from ampi.report.figures.style import data_uri, image_bytes
 from ampi.report.plain_tables import axes_table, dispersions_table, drawn_by_world, provenance
 from ampi.report.published import PAPER_LAW, is_of_the_paper, is_shipped
 from ampi.report.quantities import DEGREES, KILO
-from ampi.report.scheme_groups import SchemeGroup, scheme_groups
+from ampi.report.scheme_exhibits import first_exhibit, scheme_exhibits, wrong_world_exhibits
+from ampi.report.scheme_groups import UNCORRECTED, SchemeGroup, scheme_groups, words
 from ampi.report.schemes_table import schemes_table
 from ampi.report.verdict_tables import (
     VerdictTable,
@@ -50,6 +46,7 @@ MODE_SENTENCES = {
     Mode.HERMITE: "corrects the multilinear reference of AMPI by stored sensitivities to the"
     " entry state",
 }
+CORRECTED = "corrects the plan in flight, from what the vehicle senses, by a predictor-corrector"
 
 
 @dataclass(frozen=True)
@@ -96,9 +93,13 @@ def write_report(
     """
     if not campaigns:
         raise ValueError("campaigns: expected at least one campaign of flights, got none")
-    environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True)
-    text = resources.files("ampi.report").joinpath(TEMPLATE).read_text(encoding="utf-8")
-    page = environment.from_string(text).render(
+    environment = Environment(
+        loader=PackageLoader("ampi.report", "."),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+    )
+    page = environment.get_template(TEMPLATE).render(
         **_content(mission, table, campaigns),
         provenance={**provenance(campaigns), **extra},
         notices=notices,
@@ -122,6 +123,8 @@ def _content(
         "surrogate": is_shipped(mission) and "surrogate" in mission.title.lower(),
         "compared_with_paper": any(is_like_the_paper(mission, g.campaigns) for g in groups),
         "other_tracker": PAPER_LAW not in {flights.law for flights in campaigns.values()},
+        "board": board(mission, campaigns),
+        "first_pictures": _drawn((first_exhibit(campaigns),), of_the_paper),
         "modes": _sentences(groups),
         "coincident": coincident(campaigns),
         "schemes": schemes_table(campaigns),
@@ -130,18 +133,23 @@ def _content(
         "axes": axes_table(mission),
         "dispersions": dispersions_table(mission, campaigns),
         "drawn": drawn_by_world(campaigns),
+        "wrong_pictures": _drawn(wrong_world_exhibits(mission, campaigns), of_the_paper),
         "campaign_pictures": _drawn(campaign_exhibits(mission, campaigns), of_the_paper),
         "database_pictures": _drawn(database_exhibits(mission, table), of_the_paper),
     }
 
 
 def _sentences(groups: Sequence[SchemeGroup]) -> dict[str, str]:
-    """What each reference is, by its label."""
-    return {
+    """What each reference is, by its label, and what corrects it."""
+    found = {
         label: MODE_SENTENCES[flights.mode]
         for group in groups
         for label, flights in group.campaigns.items()
     }
+    for group in groups:
+        if group.correction != UNCORRECTED:
+            found[f"corrected by {words(group.correction)}"] = CORRECTED
+    return found
 
 
 def _details(

@@ -17,6 +17,7 @@ from ampi.report.published import PAPER_LAW, PAPER_WORLD
 from ampi.simulation.flights import Flights
 from ampi.simulation.uncertainties import CATALOGUE
 
+UNCORRECTED = "none"
 NOMINAL_NUMBERS = np.array([uncertainty.nominal for uncertainty in CATALOGUE])
 
 
@@ -25,23 +26,34 @@ def differs_from_model(flights: Flights) -> bool:
     return bool(flights.profiles) or bool(np.any(flights.numbers != NOMINAL_NUMBERS))
 
 
+def is_corrected(flights: Flights) -> bool:
+    """Whether their plans are corrected in flight."""
+    return flights.correction != UNCORRECTED
+
+
+def reference_words(flights: Flights) -> str:
+    """Their reference, and that it is corrected."""
+    return f"{flights.mode.value}, corrected" if is_corrected(flights) else flights.mode.value
+
+
 def words(name: str) -> str:
     """A name of the code as a reader writes it."""
     return name.lower().replace("_", " ").replace(".", " ")
 
 
 def in_order(campaigns: Mapping[str, Flights]) -> dict[str, Flights]:
-    """Worlds that differ first; in a world laws as they come, of a law nominal tracking first."""
+    """Worlds that differ first; in a world laws as they come; of a law the corrected flights last."""
     worlds = list(dict.fromkeys(f.world_sha256 for f in campaigns.values()))
     laws = list(dict.fromkeys(f.law for f in campaigns.values()))
     modes = list(Mode)
 
-    def place(item: tuple[str, Flights]) -> tuple[bool, int, int, int]:
+    def place(item: tuple[str, Flights]) -> tuple[bool, int, int, bool, int]:
         f = item[1]
         return (
             not differs_from_model(f),
             worlds.index(f.world_sha256),
             laws.index(f.law),
+            is_corrected(f),
             modes.index(f.mode),
         )
 
@@ -65,32 +77,34 @@ def by_world(campaigns: Mapping[str, Flights]) -> dict[str, dict[str, Flights]]:
 
 @dataclass(frozen=True, eq=False)
 class SchemeGroup:
-    """The references of one law in one world."""
+    """The references of one law in one world, their plans corrected in one way or not."""
 
     world: str
     law: str
+    correction: str  # of the plans in flight: none, …
     names: tuple[str, ...]  # of the campaigns, in order
     campaigns: Mapping[str, Flights]  # label → flights, in the same order
 
     @property
     def title(self) -> str:
-        """World and law."""
-        return f"{self.world}, {words(self.law)}"
+        """World, law and correction."""
+        corrected = f", corrected by {words(self.correction)}"
+        return (
+            f"{self.world}, {words(self.law)}{corrected if self.correction != UNCORRECTED else ''}"
+        )
 
 
 def scheme_groups(campaigns: Mapping[str, Flights]) -> tuple[SchemeGroup, ...]:
-    """By world and law; labels are the references, or the names if there is but one group."""
-    own = {
-        (world, law): {name: f for name, f in flown.items() if f.law == law}
-        for world, flown in by_world(campaigns).items()
-        for law in dict.fromkeys(f.law for f in flown.values())
-    }
+    """By world, law and correction; labels are the references, or the names of the only group."""
+    own: dict[tuple[str, str, str], dict[str, Flights]] = {}
+    for world, flown in by_world(campaigns).items():
+        for name, f in flown.items():
+            own.setdefault((world, f.law, f.correction), {})[name] = f
     if len(own) == 1:
-        ((world, law),) = own
-        return (SchemeGroup(world, law, tuple(campaigns), campaigns),)
+        (alone,) = own
+        return (SchemeGroup(*alone, tuple(campaigns), campaigns),)
     return tuple(
-        SchemeGroup(world, law, tuple(flown), by_reference(flown))
-        for (world, law), flown in own.items()
+        SchemeGroup(*place, tuple(flown), by_reference(flown)) for place, flown in own.items()
     )
 
 

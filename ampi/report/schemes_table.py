@@ -13,11 +13,11 @@ from typing import Any
 import numpy as np
 
 from ampi.missions.mission import Mission
+from ampi.report.cells import NOTHING, Cell, Group, estimate_cell, share_cell
 from ampi.report.correlations import correlations
 from ampi.report.quantities import DEGREES, KILO
 from ampi.report.scheme_groups import scheme_groups, words
-from ampi.report.verdict_tables import NOTHING, Cell, Group, number, requirement
-from ampi.simulation.estimates.bootstrap import Estimate
+from ampi.report.verdict_tables import requirement
 from ampi.simulation.estimates.failures import FailureClass
 from ampi.simulation.estimates.paired import PairedDifference
 from ampi.simulation.estimates.proportions import Fraction
@@ -128,7 +128,7 @@ def schemes_as_dict(mission: Mission, campaigns: Mapping[str, Flights]) -> dict[
 
 def _within(judged: Mapping[str, Scheme]) -> Group:
     def row(scheme: Scheme) -> tuple[Cell, ...]:
-        shares = (_share(fraction) for fraction in scheme.within.values())
+        shares = (share_cell(fraction) for fraction in scheme.within.values())
         return Cell(str(scheme.verdict.n)), *shares
 
     return Group(
@@ -141,7 +141,7 @@ def _within(judged: Mapping[str, Scheme]) -> Group:
 def _misses(judged: Mapping[str, Scheme]) -> Group:
     def row(misses: Sizes) -> tuple[Cell, ...]:
         own = (misses.median, misses.percentile_95, misses.percentile_99, misses.worst_mean)
-        return tuple(_estimate(estimate, KILO) for estimate in own)
+        return tuple(estimate_cell(estimate, KILO) for estimate in own)
 
     return Group(
         "Miss, km",
@@ -154,9 +154,9 @@ def _steering(judged: Mapping[str, Scheme]) -> Group:
     def row(scheme: Scheme) -> tuple[Cell, ...]:
         means = scheme.verdict.means
         return (
-            _estimate(scheme.altitude.percentile_99, KILO),
-            _estimate(means["saturation"], 100.0),
-            _estimate(means["activity"], DEGREES),
+            estimate_cell(scheme.altitude.percentile_99, KILO),
+            estimate_cell(means["saturation"], 100.0),
+            estimate_cell(means["activity"], DEGREES),
         )
 
     return Group(
@@ -175,9 +175,9 @@ def _failures(judged: Mapping[str, Scheme]) -> Group:
         if kind is FailureClass.NONE or any(v[kind.name].count for v in verdicts.values())
     ]
     return Group(
-        "Why flights failed, flights",
+        "Why flights failed, % of flights",
         tuple("passed" if k == FailureClass.NONE.name else words(k) for k in kinds),
-        {name: tuple(Cell(str(v[k].count)) for k in kinds) for name, v in verdicts.items()},
+        {name: tuple(share_cell(v[k]) for k in kinds) for name, v in verdicts.items()},
     )
 
 
@@ -187,29 +187,10 @@ def _differences(judged: Mapping[str, Scheme]) -> Group:
             return (Cell(NOTHING),) * 3
         share = paired.within[COMPARED]
         p = f"{share.p_value:.2g}" if share.p_value >= SMALLEST_P else f"< {SMALLEST_P:g}"
-        return _estimate(paired.median, KILO), _estimate(share.difference, 100.0), Cell(p)
+        return estimate_cell(paired.median, KILO), estimate_cell(share.difference, 100.0), Cell(p)
 
     return Group(
         "Less nominal tracking on the same draws",
         ("median (km)", f"within {COMPARED * KILO:g} km (% points)", "p"),
         {name: row(scheme.against_nominal) for name, scheme in judged.items()},
     )
-
-
-def _share(fraction: Fraction) -> Cell:
-    return Cell(
-        f"{fraction.percent:.1f}", f"[{100.0 * fraction.low:.1f}, {100.0 * fraction.high:.1f}]"
-    )
-
-
-def _estimate(estimate: Estimate, per_si: float) -> Cell:
-    value, low, high = (
-        _number(number_ * per_si) for number_ in (estimate.value, estimate.low, estimate.high)
-    )
-    sure = value == NOTHING or np.isinf(estimate.low)
-    return Cell(value) if sure else Cell(value, f"[{low}, {high}]")
-
-
-def _number(value: float) -> str:
-    """As `number`, and infinite ones too."""
-    return f"{'-' if value < 0.0 else ''}∞" if np.isinf(value) else number(value)

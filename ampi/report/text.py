@@ -6,9 +6,10 @@ from collections.abc import Mapping
 from textwrap import wrap
 
 from ampi.missions.mission import Mission
+from ampi.report.cells import Cell, Group
 from ampi.report.scheme_groups import by_world, scheme_groups
 from ampi.report.schemes_table import SchemesTable, schemes_table
-from ampi.report.verdict_tables import Cell, Group, VerdictTable, coincident, verdict_tables
+from ampi.report.verdict_tables import VerdictTable, coincident, verdict_tables
 from ampi.simulation.flights import Flights
 
 WIDTH = 100
@@ -103,5 +104,7 @@ def _row(label: str, texts: tuple[str, ...] | list[str], widths: list[int], room
 
 
 def _text(cell: Cell) -> str:
-    """The percentage where there is one; its sign stands in the group's heading."""
+    """The percentage of a count, whose sign stands in the group's heading; else the number."""
+    if cell.interval.startswith("["):
+        return f"{cell.value} {cell.interval}"
     return cell.interval.replace(" %", "") if cell.interval else cell.value

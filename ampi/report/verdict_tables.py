@@ -11,13 +11,17 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ampi.correction.corrector import CorrectionOutcome
 from ampi.missions.mission import Mission
 from ampi.onboard.reference import Mode
+from ampi.report.cells import NOTHING, Cell, Group, estimate_cell, number
 from ampi.report.published import PAPER, PAPER_FLIGHTS, PAPER_WORLD, Printed, is_of_the_paper
 from ampi.report.quantities import KILO
-from ampi.report.scheme_groups import words
+from ampi.report.scheme_groups import is_corrected, words
+from ampi.simulation.estimates.ellipses import ellipse_area_estimate
+from ampi.simulation.estimates.spreads import Sizes
 from ampi.simulation.flights import Flights
 from ampi.simulation.plant import FlightStatus
 from ampi.simulation.statistics import (
@@ -29,35 +33,7 @@ from ampi.simulation.statistics import (
     ratio_to_nominal,
 )
 
-NOTHING = "–"
-UNCORRECTED = "none"
-
-
-@dataclass(frozen=True)
-class Cell:
-    """A count with its percentage and interval, or a plain number."""
-
-    value: str
-    interval: str = ""
-
-    @classmethod
-    def of(cls, fraction: Fraction) -> Cell:
-        """Count and percentage of a fraction."""
-        return cls(str(fraction.count), str(fraction))
-
-
-@dataclass(frozen=True)
-class Group:
-    """Quantities that belong together: a row each, a cell per column of the table."""
-
-    name: str
-    quantities: tuple[str, ...]
-    cells: Mapping[str, tuple[Cell, ...]]  # column label → one cell per quantity
-
-    @property
-    def width(self) -> int:
-        """Number of quantities."""
-        return len(self.quantities)
+Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -99,8 +75,9 @@ def verdict_tables(mission: Mission, campaigns: Mapping[str, Flights]) -> tuple[
         VerdictTable(
             "Size of the final errors",
             "Over the flights that reached the target speed. A flight ends where its speed equals "
-            "the target's, so our speed errors are those of locating that instant.",
-            _spreads(verdicts, paper),
+            "the target's, so our speed errors are those of locating that instant. The worst of a "
+            "campaign has no interval.",
+            _spreads(campaigns, verdicts, paper),
             flown,
             printed,
         ),
@@ -110,7 +87,7 @@ def verdict_tables(mission: Mission, campaigns: Mapping[str, Flights]) -> tuple[
             "draws with a paired bootstrap interval. "
             + ("The paper does not say how it measured area. " if paper else "")
             + "A covariance follows its outliers: read the area beside the circles.",
-            (_footprints(campaigns, verdicts, paper),),
+            (_footprints(campaigns, paper),),
             flown,
             printed,
         ),
@@ -161,17 +138,6 @@ def _are_same(flights: Flights, other: Flights) -> bool:
     return all(np.allclose(a, b, rtol=0.0, atol=1.0, equal_nan=True) for a, b in pairs)
 
 
-def number(value: float) -> str:
-    """A number in as many digits as it deserves, never in powers of ten above one."""
-    if not np.isfinite(value):
-        return NOTHING
-    if abs(value) >= 100.0:
-        return f"{value:,.0f}"
-    if abs(value) >= 10.0:
-        return f"{value:.1f}"
-    return f"{value:.2g}" if value == 0.0 or abs(value) >= 1e-3 else f"{value:.1e}"
-
-
 def _printed_fraction(count: int) -> Cell:
     return Cell.of(Fraction.of(np.arange(PAPER_FLIGHTS) < count))
 
@@ -185,10 +151,10 @@ def _passed(verdicts: Mapping[str, Verdict]) -> tuple[Group, ...]:
             {name: (Cell.of(v.passed),) for name, v in verdicts.items()},
         ),
         Group(
-            "Failed by, flights",
+            "Failed by, % of flights [95 % interval]",
             tuple(map(words, reasons)),
             {
-                name: tuple(Cell(str(v.failed_by[reason].count)) for reason in reasons)
+                name: tuple(Cell.of(v.failed_by[reason]) for reason in reasons)
                 for name, v in verdicts.items()
             },
         ),
@@ -221,36 +187,50 @@ def _within(verdicts: Mapping[str, Verdict], paper: tuple[Printed, ...]) -> Grou
     )
 
 
-def _spreads(verdicts: Mapping[str, Verdict], paper: tuple[Printed, ...]) -> tuple[Group, ...]:
-    def group(name: str, ours: Mapping[str, Spread], worst: Mapping[str, float]) -> Group:
+def _spreads(
+    campaigns: Mapping[str, Flights], verdicts: Mapping[str, Verdict], paper: tuple[Printed, ...]
+) -> tuple[Group, ...]:
+    def group(name: str, error: str, worst: Mapping[str, float]) -> Group:
         cells = {
-            key: (Cell(number(s.median)), Cell(number(s.percentile_99)), Cell(number(s.worst)))
-            for key, s in ours.items()
+            key: _sizes(getattr(flights, error)[flights.reached], getattr(verdicts[key], of[error]))
+            for key, flights in campaigns.items()
         }
         for key, value in worst.items():
             cells[key] = (Cell(NOTHING), Cell(NOTHING), Cell(number(value)))
         return Group(name, ("median", "99 %", "worst"), cells)
 
+    of = {"miss": "miss", "altitude_error": "altitude", "speed_error": "speed"}
     unprinted = {p.label: float("nan") for p in paper}
     altitude = {p.label: p.worst_altitude for p in paper}
     speed = {p.label: p.worst_speed for p in paper}
     return (
-        group("Miss distance (m)", {k: v.miss for k, v in verdicts.items()}, unprinted),
-        group("Altitude error (m)", {k: v.altitude for k, v in verdicts.items()}, altitude),
-        group("Speed error (m/s)", {k: v.speed for k, v in verdicts.items()}, speed),
+        group("Miss distance (m)", "miss", unprinted),
+        group("Altitude error (m)", "altitude_error", altitude),
+        group("Speed error (m/s)", "speed_error", speed),
     )
 
 
-def _footprints(
-    campaigns: Mapping[str, Flights], verdicts: Mapping[str, Verdict], paper: tuple[Printed, ...]
-) -> Group:
+def _sizes(errors: Array, spread: Spread) -> tuple[Cell, ...]:
+    """Median and 99th percentile with their intervals; the worst has none."""
+    if not len(errors):
+        return (Cell(NOTHING),) * 3
+    found = Sizes.of(errors)
+    own = (found.median, found.percentile_99)
+    return *(estimate_cell(one, 1.0) for one in own), Cell(number(spread.worst))
+
+
+def _footprints(campaigns: Mapping[str, Flights], paper: tuple[Printed, ...]) -> Group:
     cells = {
-        name: (Cell(number(verdicts[name].footprint_area * KILO**2)), _ratio(flights, campaigns))
-        for name, flights in campaigns.items()
+        name: (_area(flights), _ratio(flights, campaigns)) for name, flights in campaigns.items()
     }
     for p in paper:
         cells[p.label] = (Cell(number(p.area)), Cell(p.area_ratio or NOTHING))
     return Group("Covariance ellipse of 95 %", ("area (km²)", "of nominal's area"), cells)
+
+
+def _area(flights: Flights) -> Cell:
+    good = flights.reached
+    return estimate_cell(ellipse_area_estimate(flights.along[good], flights.across[good]), KILO**2)
 
 
 def _ratio(flights: Flights, campaigns: Mapping[str, Flights]) -> Cell:
@@ -266,9 +246,7 @@ def _health(campaigns: Mapping[str, Flights], verdicts: Mapping[str, Verdict]) -
         outside = Cell(NOTHING) if flights.mode is Mode.NOMINAL else Cell.of(v.clipped)
         shares[name] = (Cell.of(v.reached), Cell.of(v.limits_kept), outside)
         peaks[name] = tuple(Cell(f"{100.0 * s.worst:.1f}") for s in v.peak.values())
-        failures[name] = tuple(
-            Cell(str(np.count_nonzero(flights.status == int(s)))) for s in failed
-        )
+        failures[name] = tuple(Cell.of(Fraction.of(flights.status == int(s))) for s in failed)
     loads = next(iter(verdicts.values())).peak
     return (
         Group(
@@ -277,13 +255,13 @@ def _health(campaigns: Mapping[str, Flights], verdicts: Mapping[str, Verdict]) -
             shares,
         ),
         Group("Worst use of a limit, %", tuple(map(words, loads)), peaks),
-        Group("Failures, flights", tuple(failed.values()), failures),
+        Group("Failures, % of flights [95 % interval]", tuple(failed.values()), failures),
     )
 
 
 def corrections(campaigns: Mapping[str, Flights]) -> tuple[Group, ...]:
     """What has become of the corrections of all flights, if any campaign corrects its plans."""
-    correcting = {n: f.corrections for n, f in campaigns.items() if f.correction != UNCORRECTED}
+    correcting = {n: f.corrections for n, f in campaigns.items() if is_corrected(f)}
     if not correcting:
         return ()
     came = [own for own in CorrectionOutcome if any(c[:, own].any() for c in correcting.values())]

@@ -50,7 +50,7 @@ class AirTable:
 
 def density_over_altitude(table: CsvTable) -> AirTable:
     """The one profile of a factor on the density."""
-    altitudes = _increasing(table.file, table.column("altitude_m"))
+    altitudes = _increasing_altitudes(table)
     factor = _positive(table.file, table.column("factor"))
     log_density = on_altitudes(altitudes, np.log(factor)[None])
     return AirTable(table.file, altitudes[0], altitudes[-1], log_density=log_density)
@@ -58,7 +58,7 @@ def density_over_altitude(table: CsvTable) -> AirTable:
 
 def wind_over_altitude(table: CsvTable) -> AirTable:
     """The one profile of the wind."""
-    altitudes = _increasing(table.file, table.column("altitude_m"))
+    altitudes = _increasing_altitudes(table)
     wind = np.stack([table.column(name) for name in ("east_m_per_s", "north_m_per_s")])
     wind = on_altitudes(altitudes, wind[:, None])
     return AirTable(table.file, altitudes[0], altitudes[-1], wind=wind)
@@ -147,6 +147,18 @@ def in_months(table: CsvTable, months: tuple[int, ...]) -> CsvTable:
             f"{table.file}: expected rows of the months {', '.join(map(str, months))}, got none"
         )
     return table.rows(kept)
+
+
+def _increasing_altitudes(table: CsvTable) -> Array:
+    altitudes = table.column("altitude_m")
+    falls = np.flatnonzero(np.diff(altitudes) <= 0.0)
+    if len(falls) and table.lines:
+        before, after = altitudes[falls[0]], altitudes[falls[0] + 1]
+        raise ValueError(
+            f"{table.file}: line {table.lines[falls[0] + 1]}, column altitude_m: expected more than "
+            f"{before:g}, the number of the row before, got {after:g}"
+        )
+    return _increasing(table.file, altitudes)
 
 
 def _increasing(file: str, altitudes: Array) -> Array:

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-import csv
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
+
+from ampi.missions.csv_text import read_csv_text
 
 Array = NDArray[np.float64]
 
@@ -19,6 +20,7 @@ class CsvTable:
     file: str
     columns: tuple[str, ...]
     values: Array
+    lines: tuple[int, ...] = ()  # of the rows in the file; none where it is no file
 
     def __post_init__(self) -> None:
         values = np.array(self.values, dtype=float)
@@ -66,26 +68,6 @@ def read_csv_table(path: Path, name: str) -> CsvTable:
         text = path.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError):
         raise ValueError(f"{name}: expected a CSV file in UTF-8 at {path}") from None
-    lines = [line for line in text.splitlines() if line.strip() and not line.startswith("#")]
-    names, *rows = csv.reader(lines, skipinitialspace=True) if lines else [[]]
-    columns = tuple(title.strip() for title in names)
-    if len(set(columns)) != len(columns) or not all(columns):
-        raise ValueError(f"{name}: expected a name for each column, each once, got {names}")
-    values = [_numbers(name, columns, number, row) for number, row in enumerate(rows, 1)]
-    if not values:
-        raise ValueError(f"{name}: expected one or more rows of numbers, got none")
-    return CsvTable(name, columns, np.array(values))
-
-
-def _numbers(file: str, columns: tuple[str, ...], number: int, row: list[str]) -> list[float]:
-    if len(row) != len(columns):
-        raise ValueError(
-            f"{file}: row {number}: expected {len(columns)} numbers, got {len(row)}: {', '.join(row)}"
-        )
-    try:
-        values = [float(item) for item in row]
-    except ValueError:
-        raise ValueError(f"{file}: row {number}: expected numbers, got {', '.join(row)}") from None
-    if not np.all(np.isfinite(values)):
-        raise ValueError(f"{file}: row {number}: expected finite numbers, got {', '.join(row)}")
-    return values
+    table = read_csv_text(text, name)
+    values = np.column_stack(list(table.columns.values()))
+    return CsvTable(name, tuple(table.columns), values, table.lines)

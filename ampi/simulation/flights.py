@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from ampi.onboard.reference import Mode
 from ampi.physics.state import N_STATES
+from ampi.shown import PLOTS, Tabulated, asked_for
 from ampi.simulation.estimates.failures import Reach, classify, skipped
 from ampi.simulation.plant import FlightStatus
 from ampi.simulation.profiles import ALTITUDES
@@ -25,7 +26,7 @@ SKIP = 0.8  # of the entry altitude [X]: who rises above it again has left the a
 
 
 @dataclass(frozen=True, eq=False)
-class Flights:
+class Flights(Tabulated):
     """Flights of one scheme in one world: n flights, k recorded points (NaN after a flight's end)."""
 
     mission: str
@@ -124,6 +125,11 @@ class Flights:
         tolerances = (self.position_tolerance, self.altitude_tolerance, self.speed_tolerance)
         if not all(tolerance > 0.0 for tolerance in tolerances):
             raise ValueError("flights: expected positive tolerances")
+
+    @property
+    def plot(self) -> Any:
+        """Its figures: `flights.plot.footprint()` (`ampi.report.notebook.plots.FlightsPlots`)."""
+        return asked_for(PLOTS, "plot").FlightsPlots(self)
 
     @property
     def n(self) -> int:

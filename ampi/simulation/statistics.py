@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ampi.onboard.reference import Mode
+from ampi.shown import Shown
 from ampi.simulation.estimates.bootstrap import Estimate, mean_of
 from ampi.simulation.estimates.ellipses import Ellipse, containing_ellipse, ellipse_area
 from ampi.simulation.estimates.failures import counts
@@ -47,7 +48,7 @@ TABLE_5_RADII = (25e3, 50e3, 75e3)  # m, Sagliano et al. 2016, Table 5
 
 
 @dataclass(frozen=True)
-class Verdict:
+class Verdict(Shown):
     """One campaign, judged."""
 
     law: str
@@ -213,7 +214,7 @@ def _nominal_beside(flights: Flights, campaigns: Mapping[str, Flights]) -> Fligh
 
 
 def _is_nominal_of(other: Flights, flights: Flights) -> bool:
-    alike = ("law", "cycle", "world_sha256", "seed", "pool")
+    alike = ("law", "correction", "cycle", "world_sha256", "seed", "pool")
     return (
         other.mode is Mode.NOMINAL
         and all(getattr(other, name) == getattr(flights, name) for name in alike)

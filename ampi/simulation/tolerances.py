@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ampi.missions.flight_sections import TargetSection
 from ampi.missions.path_limits import KEPT
-from ampi.missions.sections import TargetSection
 from ampi.simulation.plant import FlightStatus
 
 ENDS = ("target_speed_not_reached", "position", "altitude", "speed")  # faults of where it ended

@@ -37,9 +37,15 @@ class EntryDraws(KnownKeys):
     draws lie beyond the nearer end; `uniform` fills the box of the grid, `corners` are its vertices.
     """
 
-    distribution: Literal["normal", "uniform", "corners", "none"]
-    scale: Number = Field(default=1.0, gt=0)  # of the extent
-    offsets: Mapping[str, Law] = {}  # by key of the mission, in its unit, instead of the grid's
+    distribution: Literal["normal", "uniform", "corners", "none"] = Field(
+        description="Of the mission's parameters over the extent of its grid"
+    )
+    scale: Number = Field(default=1.0, gt=0, description="On the extent of the grid")
+    offsets: Mapping[str, Law] = Field(
+        default={},
+        description="Distributions of single numbers of the mission, by key and in its unit, in the "
+        "place of the grid's",
+    )
 
     @field_validator("offsets", mode="before")
     @classmethod
@@ -76,8 +82,15 @@ def _laws_below(table: Mapping[str, Any], path: str = "") -> Iterator[tuple[str,
 class DrawsSection(KnownKeys):
     """A table whose rows are profiles of density and wind, each flight one of them, all alike."""
 
-    table: str
-    months: tuple[Month, ...] | None = None  # only rows of these
+    table: str = Field(
+        description="CSV, a profile in each row: density_<z>km, wind_east_<z>km, wind_north_<z>km",
+        examples=["draws.csv"],
+    )
+    months: tuple[Month, ...] | None = Field(
+        default=None,
+        description="Only rows of these, 1 to 12, by the column day_of_year",
+        examples=[[1, 2, 12]],
+    )
 
     @field_validator("months")
     @classmethod
@@ -90,13 +103,21 @@ class DrawsSection(KnownKeys):
 class NrlmsisSection(Section):
     """The air of a day and a place by NRLMSIS 2.1, the same for every flight (`nrlmsis`)."""
 
-    date: str  # YYYY-MM-DD
-    hour: Number = Field(default=12.0, ge=0, lt=24)  # UTC
-    latitude: u.Angle = Field(ge=-0.5 * np.pi, le=0.5 * np.pi)
-    longitude: u.CircularAngle = Field(ge=-2 * TURN, le=2 * TURN)
-    f107: Number = Field(default=150.0, ge=50, le=1e3)  # 1e-22 W/(m² Hz), of the day before
-    f107_average: Number = Field(default=150.0, ge=50, le=1e3)  # over 81 days
-    ap: Number = Field(default=4.0, ge=0, le=1e3)
+    date: str = Field(description="Day, YYYY-MM-DD", examples=["2026-01-15"])
+    hour: Number = Field(default=12.0, ge=0, lt=24, description="Of the day, UTC")
+    latitude: u.Angle = Field(
+        ge=-0.5 * np.pi, le=0.5 * np.pi, description="Of the place, north positive"
+    )
+    longitude: u.CircularAngle = Field(
+        ge=-2 * TURN, le=2 * TURN, description="Of the place, east positive"
+    )
+    f107: Number = Field(
+        default=150.0, ge=50, le=1e3, description="F10.7 of the day before (1e-22 W/(m² Hz))"
+    )
+    f107_average: Number = Field(
+        default=150.0, ge=50, le=1e3, description="F10.7 over 81 days (1e-22 W/(m² Hz))"
+    )
+    ap: Number = Field(default=4.0, ge=0, le=1e3, description="Geomagnetic index Ap")
 
     @field_validator("date")
     @classmethod
@@ -123,8 +144,12 @@ class NrlmsisSection(Section):
 class CorrelationSection(KnownKeys):
     """The correlation of each pair of some uncertainties, as if they were normal."""
 
-    of: tuple[str, ...] = Field(min_length=2)
-    value: Number = Field(ge=-1, le=1)
+    of: tuple[str, ...] = Field(
+        min_length=2,
+        description="Names of uncertainties",
+        examples=[["lift_factor", "drag_factor"]],
+    )
+    value: Number = Field(ge=-1, le=1, description="Correlation of each pair of them")
 
     @field_validator("of")
     @classmethod
@@ -140,14 +165,21 @@ class CorrelationSection(KnownKeys):
 class WorldSections(Section):
     """All that a world file says, each section by itself."""
 
-    name: str = Field(pattern=r"^[a-z0-9_]+$")
-    title: str = Field(pattern=r"^[^\x00-\x1f]*$")  # one line: it is a title in reports
-    entry: EntryDraws
+    name: str = Field(pattern=r"^[a-z0-9_]+$", description="Small letters, digits and _")
+    title: str = Field(pattern=r"^[^\x00-\x1f]*$", description="One line, as reports print it")
+    entry: EntryDraws = Field(description="How the entry is drawn")
     profiles: Mapping[str, str] = {}  # section → CSV file over altitude
     laws: Mapping[str, Mapping[str, Law]] = {}  # section → key with unit → distribution
-    draws: DrawsSection | None = None
-    nrlmsis: NrlmsisSection | None = None
-    correlation: tuple[CorrelationSection, ...] = ()
+    draws: DrawsSection | None = Field(
+        default=None, description="Each flight in the air of one row of a table"
+    )
+    nrlmsis: NrlmsisSection | None = Field(
+        default=None,
+        description="The air of a day and a place by NRLMSIS 2.1 (pip install 'ampi[atmosphere]')",
+    )
+    correlation: tuple[CorrelationSection, ...] = Field(
+        default=(), description="Correlations of uncertainties, as if they were normal"
+    )
 
     @model_validator(mode="before")
     @classmethod

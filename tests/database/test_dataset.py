@@ -52,12 +52,12 @@ def test_xarray_selects_by_parameter(small_database: Path, small_mission: Missio
     assert speed == pytest.approx(small_mission.entry.speed + 70.0)
 
 
-def test_the_readmes_lines_of_numpy_read_it(
+def test_the_pages_lines_of_numpy_read_it(
     small_database: Path, small_mission: Mission, tmp_path: Path
 ) -> None:
     """Run as printed, by an interpreter that cannot import this package."""
-    readme = (Path(__file__).parents[2] / "README.md").read_text(encoding="utf-8")
-    (block,) = re.findall(r"```python\n(import h5py\n.*?)```", readme, re.DOTALL)
+    page = (Path(__file__).parents[2] / "docs" / "file_format.md").read_text(encoding="utf-8")
+    (block,) = re.findall(r"```python\n(import h5py\n.*?)```", page, re.DOTALL)
     assert len([line for line in block.splitlines() if line.strip()]) <= 10
     shutil.copy(small_database, tmp_path / "shefex3.h5")
     (tmp_path / "ampi.py").write_text("raise ImportError", encoding="utf-8")

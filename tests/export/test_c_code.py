@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import ampi
 from ampi.correction.corrector import CorrectionOutcome
 from ampi.export.blob import blob_text, blob_vertices
 from ampi.export.c_code import SMALL, export_c
@@ -87,6 +88,8 @@ def test_the_same_table_makes_the_same_bytes(entry: LawMaker, tmp_path: Path) ->
     }
     for name in files:
         assert (tmp_path / "a" / name).read_bytes() == (tmp_path / "b" / name).read_bytes()
+    for name in ("ampi_config.h", "INTERFACE.md"):
+        assert f"Written by ampi {ampi.__version__}." in (tmp_path / "a" / name).read_text("utf-8")
 
 
 def test_the_core_is_shipped_as_it_is(entry: LawMaker, tmp_path: Path) -> None:

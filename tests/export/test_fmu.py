@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+import ampi
 from ampi.dataset import read_dataset
 from ampi.export.blob import table_blob
 from ampi.export.fmu import export_fmu
@@ -285,6 +286,7 @@ def test_the_validator_finds_nothing(law: str, version: Version, exported: Expor
     path = exported(law, version)
     assert fmpy.validation.validate_fmu(str(path)) == []
     described = fmpy.read_model_description(str(path))
+    assert described.generationTool == f"ampi {ampi.__version__}"
     (build,) = described.buildConfigurations
     with zipfile.ZipFile(path) as archive:
         names = archive.namelist()

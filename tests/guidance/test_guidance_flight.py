@@ -9,8 +9,8 @@ from scipy.optimize import brentq
 
 from ampi.guidance import Guidance
 from ampi.missions.family import MissionFamily
+from ampi.missions.flight_sections import EntrySection
 from ampi.missions.mission import Mission
-from ampi.missions.sections import EntrySection
 from ampi.onboard.command import Command
 from ampi.onboard.health import Health
 from ampi.onboard.reference import Mode

@@ -116,24 +116,24 @@ FAULTS: dict[str, tuple[Callable[[Path], Mission], str]] = {
     ),
     "a missing column": (
         lambda folder: loaded(folder, CSV.replace("density_kg_per_m3", "density")),
-        "atmosphere.file: air.csv: expected the columns altitude_m, density_kg_per_m3, "
+        "atmosphere.file: air.csv: line 2: expected the columns altitude_m, density_kg_per_m3, "
         "speed_of_sound_m_per_s, got none that is density_kg_per_m3",
     ),
     "empty": (
         lambda folder: loaded(folder, ""),
-        "got none that is altitude_m or density_kg_per_m3",
+        "atmosphere.file: air.csv: expected a line of columns altitude_m, density_kg_per_m3, ",
     ),
     "a word": (
         lambda folder: loaded(folder, replaced(5, "4000,thin,320")),
-        "atmosphere.file: air.csv: expected a number in line 5, column density_kg_per_m3, got 'thin'",
+        "atmosphere.file: air.csv: line 5, column density_kg_per_m3: expected a number, got 'thin'",
     ),
     "a short line": (
         lambda folder: loaded(folder, replaced(5, "4000,0.8")),
-        "expected a number in line 5, column speed_of_sound_m_per_s, got ''",
+        "atmosphere.file: air.csv: line 5: expected 3 cells, one for each column, got 2",
     ),
     "not a number": (
         lambda folder: loaded(folder, replaced(5, "4000,nan,320")),
-        "atmosphere.density.2: Input should be a finite number (got nan)",
+        "air.csv: line 5, column density_kg_per_m3: expected a finite number, got 'nan'",
     ),
     "a negative number": (
         lambda folder: loaded(folder, replaced(5, "4000,-0.8,320")),
@@ -141,7 +141,8 @@ FAULTS: dict[str, tuple[Callable[[Path], Mission], str]] = {
     ),
     "twice the same altitude": (
         lambda folder: loaded(folder, replaced(5, "2000,0.8,320")),
-        "atmosphere.altitude: expected altitudes that increase strictly, got 2000 m after 2000 m",
+        "atmosphere.file: air.csv: line 5, column altitude_m: expected more than 2000, the number of "
+        "the row before, got 2000",
     ),
     "below the entry": (
         lambda folder: loaded(folder, up_to(90e3)),

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from ampi._native.engine import core
 from ampi.guidance import Guidance
 from ampi.missions.family import MissionFamily
+from ampi.missions.flight_sections import EntrySection
 from ampi.missions.mission import Mission
-from ampi.missions.sections import EntrySection
 from ampi.physics.state import ENTRY_STATES
 from ampi.simulation import closed_loop, native_loop
 from ampi.simulation.closed_loop import FlightBatch

@@ -73,6 +73,7 @@ def test_all_of_it_loads_no_other_room() -> None:
     rooms = {name.split(".")[1] for name in loaded["own"] if "." in name}
     assert rooms == {
         "onboard",
+        "shown",
         "tracking",
         "estimation",
         "correction",

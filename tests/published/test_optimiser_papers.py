@@ -12,7 +12,7 @@ from ampi.papers.table import Reproduction
 
 pytestmark = pytest.mark.slow
 
-OPEN: dict[str, set[str]] = {}  # what is not reached; README and the tables say so
+OPEN: dict[str, set[str]] = {}  # what is not reached; the pages and the tables say so
 
 
 @pytest.fixture(scope="module", params=PAPERS)

@@ -7,9 +7,10 @@ from dataclasses import replace
 import numpy as np
 
 from ampi.correction.corrector import CorrectionOutcome
+from ampi.report.cells import NOTHING
 from ampi.report.figures.road_ends import CIRCLES, LEAST, logarithmic, road_ends
 from ampi.report.figures.style import image_bytes
-from ampi.report.verdict_tables import NOTHING, corrections
+from ampi.report.verdict_tables import corrections
 from ampi.simulation.flights import Flights
 
 

@@ -14,8 +14,8 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Circle, Polygon
 
 from ampi.cli.output_files import check_output
+from ampi.missions.flight_sections import NoFlyZoneSection
 from ampi.missions.mission import Mission
-from ampi.missions.sections import NoFlyZoneSection
 from ampi.onboard.reference import Mode, ReferenceGenerator
 from ampi.onboard.table import GuidanceTable
 from ampi.physics.planet import destination

@@ -54,7 +54,7 @@ def test_flights_beyond_either_end_are_counted_where_they_belong(
 def test_one_panel_per_world_and_one_curve_per_campaign(
     mission: Mission, many: dict[str, Flights]
 ) -> None:
-    figure = miss_distributions(mission, many)
+    figure = miss_distributions(many)
     assert [axes.get_title() for axes in figure.axes] == ["everything", "entry"]
     for axes in figure.axes:
         assert axes.get_xscale() == "log"

@@ -137,9 +137,9 @@ def test_the_table_shows_those_numbers(many: dict[str, Flights]) -> None:
     assert float(steering[2].value) == pytest.approx(
         np.degrees(many[ABROAD].activity.mean()), rel=0.05
     )
-    assert sum(int(cell.value) for cell in failures) == 60
+    assert sum(float(cell.value) for cell in failures) == pytest.approx(100.0, abs=0.3)
     named = dict(zip(table.groups[3].quantities, (c.value for c in failures), strict=True))
-    assert [named[k] for k in ("not a number", "ground", "time limit")] == ["1", "1", "1"]
+    assert [named[k] for k in ("not a number", "ground", "time limit")] == ["1.7"] * 3  # one of 60
     assert less[0].value.startswith("-")
     assert [cell.value for cell in table.groups[4].cells[BESIDE]] == ["–"] * 3
 

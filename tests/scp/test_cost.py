@@ -9,8 +9,8 @@ import pytest
 from numpy.typing import NDArray
 
 from ampi.missions import Mission
+from ampi.missions.flight_sections import NoFlyZoneSection
 from ampi.missions.loading import parse_mission
-from ampi.missions.sections import NoFlyZoneSection
 from ampi.physics.path_constraints import path_constraints
 from ampi.physics.planet import great_circle_distance
 from ampi.physics.vehicle import air_loads

@@ -9,7 +9,7 @@ import pytest
 
 from ampi.missions import Mission, load_mission
 from ampi.missions.family import MissionFamily
-from ampi.missions.sections import NoFlyZoneSection
+from ampi.missions.flight_sections import NoFlyZoneSection
 from ampi.physics.path_constraints import path_constraints
 from ampi.physics.planet import great_circle_distance
 from ampi.physics.state import LOADS

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from ampi.missions import Mission
-from ampi.missions.sections import NoFlyZoneSection
+from ampi.missions.flight_sections import NoFlyZoneSection
 from ampi.physics.path_constraints import path_constraints
 from ampi.physics.state import LOADS
 from ampi.scp.problem.shortfall import outcome_sentence, shortfall

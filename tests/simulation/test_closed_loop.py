@@ -14,10 +14,10 @@ from ampi.dataset import TrajectoryDataset
 from ampi.guidance import Guidance
 from ampi.loading import guidance_table
 from ampi.missions.family import MissionFamily
+from ampi.missions.flight_sections import EntrySection
 from ampi.missions.loading import parse_mission
 from ampi.missions.mission import Mission
 from ampi.missions.path_limits import PathLimits
-from ampi.missions.sections import EntrySection
 from ampi.onboard.reference import Mode
 from ampi.physics.equations_of_motion import equations_of_motion
 from ampi.physics.state import ENTRY_STATES

@@ -147,7 +147,7 @@ FAULTS = {  # body of the file → its sentence
     '[draws]\ntable = "low.csv"\nmonths = []': "draws.months: expected one or more months, 1 to 12",
     '[draws]\ntabel = "low.csv"': "draws: tabel: expected a name that is known here, such as table",
     '[density]\ntable = "negative.csv"': "negative.csv: expected factors on the density that",
-    '[density]\ntable = "falling.csv"': "falling.csv: expected two or more altitudes that increase",
+    '[density]\ntable = "falling.csv"': "falling.csv: line 3, column altitude_m: expected more than 0",
     "[aerodynamics]\nlift_factor = "
     + COLUMN("lift.csv", "lft"): "lift.csv: expected a column 'lft', got lift",
     "[aerodynamics]\nlift_factor = "

@@ -119,12 +119,12 @@ def test_a_day_lies_in_its_month(day: float, month: int) -> None:
 
 
 FAULTY = {
-    "": "expected one or more rows of numbers, got none|expected a name for each column",
+    "": "expected a line of columns and rows of numbers, got none",
     "a,b\n": "expected one or more rows of numbers, got none",
-    "a,a\n1,2\n": "expected a name for each column, each once",
-    "a,b\n1\n": "row 1: expected 2 numbers, got 1: 1",
-    "a,b\n1,2\n1,x\n": "row 2: expected numbers, got 1, x",
-    "a,b\n1,inf\n": "row 1: expected finite numbers, got 1, inf",
+    "a,a\n1,2\n": "line 1: expected a name for each column, each once",
+    "a,b\n1\n": "line 2: expected 2 cells, one for each column, got 1",
+    "a,b\n1,2\n1,x\n": "line 3, column b: expected a number, got 'x'",
+    "a,b\n1,inf\n": "line 2, column b: expected a finite number, got 'inf'",
 }
 
 

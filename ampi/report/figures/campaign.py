@@ -35,8 +35,10 @@ from ampi.report.figures.panels import (
     panel_grid,
     place_legend,
 )
-from ampi.report.figures.style import INK, MODE_STYLES, house_style
+from ampi.report.figures.scheme_style import style_of
+from ampi.report.figures.style import INK, house_style
 from ampi.report.quantities import CONTROL_QUANTITIES, ENTRY_QUANTITIES
+from ampi.report.scheme_groups import is_corrected
 from ampi.simulation.flights import Flights
 
 Array = NDArray[np.float64]
@@ -61,9 +63,12 @@ WIDTHS = (
 
 
 def back_to_front(campaigns: Mapping[str, Flights]) -> dict[str, Flights]:
-    """Campaigns in drawing order: the widest scatter first, AMPI on top."""
-    order = sorted(campaigns.items(), key=lambda item: _BACK_TO_FRONT.index(item[1].mode))
-    return dict(order)
+    """Campaigns in drawing order: the widest scatter first, AMPI on top, corrected last."""
+
+    def place(item: tuple[str, Flights]) -> tuple[int, bool]:
+        return _BACK_TO_FRONT.index(item[1].mode), is_corrected(item[1])
+
+    return dict(sorted(campaigns.items(), key=place))
 
 
 def compared(campaigns: Mapping[str, Flights]) -> dict[str, Flights]:
@@ -78,7 +83,7 @@ def with_widths(campaigns: Mapping[str, Flights]) -> list[tuple[Flights, str, fl
     widths = WIDTHS[-len(campaigns) :]
     widths = (WIDTHS[0],) * (len(campaigns) - len(widths)) + widths
     return [
-        (flights, MODE_STYLES[flights.mode].colour, width)
+        (flights, style_of(flights).colour, width)
         for flights, width in zip(campaigns.values(), widths, strict=True)
     ]
 
@@ -87,7 +92,7 @@ def campaign_keys(campaigns: Mapping[str, Flights], *, with_ends: bool = False) 
     """Legend entries of the campaigns drawn as lines, with the marker of their ends on demand."""
     keys = []
     for name, flights in campaigns.items():
-        style = MODE_STYLES[flights.mode]
+        style = style_of(flights)
         key = line_key(f"{name} ({flights.n} flights)", style.colour)
         key.set_marker(style.marker if with_ends else "none")
         keys.append(key)
@@ -148,7 +153,7 @@ def campaign_controls(mission: Mission, campaigns: Mapping[str, Flights]) -> Fig
         for axes, quantity, value, levels in zip(
             column_panels, CONTROL_QUANTITIES, values, limits, strict=True
         ):
-            colour = MODE_STYLES[flights.mode].colour
+            colour = style_of(flights).colour
             draw_bundle(axes, flights.times, quantity.shown(value), colour)
             draw_quantity_limits(axes, quantity, levels)
     place_legend(figure, [*campaign_keys(shown), limit_key()])
@@ -193,7 +198,7 @@ def _flown(flights: Flights) -> tuple[Array, Array]:
 
 def _tracks(flights: Flights, width: float) -> TrackBundle:
     _, states = _flown(flights)
-    style = MODE_STYLES[flights.mode]
+    style = style_of(flights)
     return TrackBundle(
         longitude=states[:, LONGITUDE],
         latitude=states[:, LATITUDE],

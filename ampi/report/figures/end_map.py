@@ -22,7 +22,8 @@ from ampi.physics.state import LONGITUDE as LONGITUDE_ROW
 from ampi.report.figures.campaign import compared
 from ampi.report.figures.ground_track import POLAR, in_degrees, plane_around_target
 from ampi.report.figures.panels import line_key, marker_key, number_on_one_turn, place_legend
-from ampi.report.figures.style import INK, MODE_STYLES, TARGET_COLOUR, house_style
+from ampi.report.figures.scheme_style import style_of, styles
+from ampi.report.figures.style import INK, TARGET_COLOUR, house_style
 from ampi.report.figures.world_panels import is_lowest, world_panels
 from ampi.report.quantities import EAST, KILO, LATITUDE, LONGITUDE, NORTH
 from ampi.report.scheme_groups import by_world, first_law
@@ -54,12 +55,8 @@ def end_map(mission: Mission, campaigns: Mapping[str, Flights]) -> Figure:
         _draw(axes, mission, flown)
         if not is_lowest(panels, number):
             axes.set_xlabel("")
-    modes = {f.mode for flown in worlds.values() for f in flown.values()}
-    keys = [
-        marker_key(mode.value, MODE_STYLES[mode].marker, MODE_STYLES[mode].colour)
-        for mode in MODE_STYLES
-        if mode in modes
-    ]
+    drawn = styles(f for flown in worlds.values() for f in flown.values())
+    keys = [marker_key(name, style.marker, style.colour) for name, style in drawn.items()]
     ellipse, containing = line_key("95 % covariance ellipse", INK, width=1.6), line_key("", INK)
     containing.set(linestyle=CONTAINING_DASHES, linewidth=1.6, label="holds 95 % of all flights")
     text = ", ".join(f"{radius * KILO:g}" for radius in mission.target.judged_radii)
@@ -99,7 +96,7 @@ def _draw(axes: Axes, mission: Mission, flown: Mapping[str, Flights]) -> None:
     )
     beyond = 0
     for name, flights in flown.items():
-        style, (across, along) = MODE_STYLES[flights.mode], ends[name]
+        style, (across, along) = style_of(flights), ends[name]
         inside = np.hypot(across, along) <= half
         beyond += int(np.count_nonzero(~inside))
         x, y = chart(*_on_map(across[inside], along[inside], target))

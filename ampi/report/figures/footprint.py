@@ -16,10 +16,10 @@ from numpy.typing import NDArray
 from ampi.missions.mission import Mission
 from ampi.report.figures.campaign import back_to_front
 from ampi.report.figures.panels import FIGURE_WIDTH, line_key, marker_key, place_legend
+from ampi.report.figures.scheme_style import style_of
 from ampi.report.figures.style import (
     INK,
     LIMIT_COLOUR,
-    MODE_STYLES,
     TARGET_COLOUR,
     house_style,
     new_figure,
@@ -51,7 +51,7 @@ def campaign_footprint(mission: Mission, campaigns: Mapping[str, Flights]) -> Fi
     """End points around the target at three scales, with 95 % ellipses [Fig. 15]."""
     shown = back_to_front(campaigns)
     ellipses = {name: e for name, f in shown.items() if (e := footprint_ellipse(f)) is not None}
-    spans = {name: _span(ellipse) for name, ellipse in ellipses.items()}
+    spans = {name: span(ellipse) for name, ellipse in ellipses.items()}
     radii = circles(mission) if mission.target.position == "fixed" else ()
     scales = {}
     if radii:
@@ -66,16 +66,13 @@ def campaign_footprint(mission: Mission, campaigns: Mapping[str, Flights]) -> Fi
     panels = figure.subplots(1, len(scales), squeeze=False)[0]
     for axes, (title, half) in zip(panels, scales.items(), strict=True):
         half = max(half, SMALLEST_WINDOW)
-        beyond = _draw_footprints(axes, mission, shown, radii, half)
-        cut = [name for name, span in spans.items() if span > half]
+        beyond = draw_footprints(axes, shown, radii, mission.target.position_tolerance, half)
+        cut = [name for name, own in spans.items() if own > half]
         lines = [title]
         lines += [f"{beyond} end point{'s' if beyond > 1 else ''} outside"] if beyond else []
         lines += wrap(f"ellipses cut off: {', '.join(cut)}", TITLE_WIDTH) if cut else []
         axes.set_title("\n".join(lines), parse_math=False)
-    keys = [
-        marker_key(name, MODE_STYLES[f.mode].marker, MODE_STYLES[f.mode].colour)
-        for name, f in shown.items()
-    ]
+    keys = [marker_key(name, style_of(f).marker, style_of(f).colour) for name, f in shown.items()]
     keys.append(marker_key("target", "*", TARGET_COLOUR))
     if mission.target.position == "fixed":
         reach = mission.target.position_tolerance * KILO
@@ -116,7 +113,7 @@ def campaign_histograms(mission: Mission, campaigns: Mapping[str, Flights]) -> F
 
 
 def _outline_key(name: str, flights: Flights) -> Line2D:
-    style = MODE_STYLES[flights.mode]
+    style = style_of(flights)
     return Line2D([], [], color=style.colour, linewidth=1.8, linestyle=style.dashes, label=name)
 
 
@@ -137,24 +134,27 @@ def _edge(ellipse: Ellipse, colour: str) -> Polygon:
     )
 
 
-def _span(ellipse: Ellipse) -> float:
+def span(ellipse: Ellipse) -> float:
     """Half-width (km) of a square around the target that holds `ellipse`."""
     return KILO * float(np.max(np.abs(ellipse.outline())))
 
 
-def _draw_footprints(
+def draw_footprints(
     axes: Axes,
-    mission: Mission,
     shown: Mapping[str, Flights],
     radii: Sequence[float],
+    tolerance: float,
     half: float,
 ) -> int:
-    """Points, ellipses and circles in a square of half-width `half` (km); how many points it lacks."""
+    """Points, ellipses and circles in a square of half-width `half` (km); how many points it lacks.
+
+    `radii` and the position's `tolerance`: m; no radii, no circles.
+    """
     beyond = 0
     sizes = MARKER_SIZES[-len(shown) :]
     sizes = (MARKER_SIZES[0],) * (len(shown) - len(sizes)) + sizes
     for flights, size in zip(shown.values(), sizes, strict=True):
-        style, good = MODE_STYLES[flights.mode], flights.reached
+        style, good = style_of(flights), flights.reached
         across, along = CROSSRANGE.shown(flights.across[good]), DOWNRANGE.shown(flights.along[good])
         seen = (np.abs(across) <= half) & (np.abs(along) <= half)
         beyond += int(np.count_nonzero(~seen))
@@ -170,7 +170,7 @@ def _draw_footprints(
         ellipse = footprint_ellipse(flights)
         if ellipse is not None:
             axes.add_patch(_edge(ellipse, style.colour))
-    tolerance, labelled = mission.target.position_tolerance, 0.0
+    labelled = 0.0
     for radius in sorted({*radii, tolerance}) if radii else ():
         size = radius * KILO
         edge = Circle((0.0, 0.0), size, fill=False, color=INK, linewidth=0.9)
@@ -192,7 +192,7 @@ def _draw_histogram(axes: Axes, shown: Mapping[str, Flights], errors: Mapping[st
     sizes = {name: np.abs(error) for name, error in errors.items()}
     edges = logarithmic_bins(list(sizes.values())).tolist()
     for name, size in sizes.items():
-        style = MODE_STYLES[shown[name].mode]
+        style = style_of(shown[name])
         inside = np.clip(size, edges[0], edges[-1])
         axes.hist(inside, edges, histtype="stepfilled", color=style.colour, alpha=0.25)
         axes.hist(

@@ -10,10 +10,10 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import FuncFormatter
 from numpy.typing import NDArray
 
-from ampi.missions.mission import Mission
 from ampi.report.figures.campaign import back_to_front
 from ampi.report.figures.panels import line_key, place_legend
-from ampi.report.figures.style import INK, MODE_STYLES, house_style
+from ampi.report.figures.scheme_style import style_of, styles
+from ampi.report.figures.style import INK, house_style
 from ampi.report.figures.world_panels import is_leftmost, is_lowest, world_panels
 from ampi.report.quantities import KILO
 from ampi.report.scheme_groups import by_world, words
@@ -24,6 +24,7 @@ Array = NDArray[np.float64]
 Dashes = str | tuple[float, tuple[float, ...]]
 
 NEAREST, FARTHEST = 10.0, 1e6  # m, ends of the axis
+MOST_CORNERS = 1000  # of a staircase that is drawn with all
 LAW_DASHES: tuple[Dashes, ...] = (
     "-",
     (0.0, (5.0, 1.5)),
@@ -33,7 +34,7 @@ LAW_DASHES: tuple[Dashes, ...] = (
 
 
 @house_style
-def miss_distributions(mission: Mission, campaigns: Mapping[str, Flights]) -> Figure:
+def miss_distributions(campaigns: Mapping[str, Flights]) -> Figure:
     """A curve per campaign and a panel per world; a flight that did not arrive lifts no curve."""
     worlds = by_world(campaigns)
     dashes = law_dashes(campaigns)
@@ -43,10 +44,12 @@ def miss_distributions(mission: Mission, campaigns: Mapping[str, Flights]) -> Fi
             axes.axvline(radius * KILO, color="#BBBBBB", linewidth=0.8, zorder=1)
         for flights in back_to_front(flown).values():
             distance, share = distribution(flights)
+            if flights.n > MOST_CORNERS:
+                distance, share = share_within(flights)
             axes.plot(
                 distance * KILO,
                 100.0 * share,
-                color=MODE_STYLES[flights.mode].colour,
+                color=style_of(flights).colour,
                 linestyle=dashes[flights.law],
                 linewidth=1.8,
                 drawstyle="steps-post",
@@ -70,6 +73,13 @@ def distribution(flights: Flights) -> tuple[Array, Array]:
     return np.r_[NEAREST, shown, FARTHEST], np.r_[share, share[-1]]
 
 
+def share_within(flights: Flights, points: int = 500) -> tuple[Array, Array]:
+    """The same at distances (m) in steps of one ratio: of many flights the eye sees no more corners."""
+    distances = np.geomspace(NEAREST, FARTHEST, points)
+    miss = np.sort(flights.miss[flights.reached])
+    return distances, np.searchsorted(miss, distances, side="right") / flights.n
+
+
 def law_dashes(campaigns: Mapping[str, Flights]) -> dict[str, Dashes]:
     """Law → line style, in the order in which laws come."""
     laws = dict.fromkeys(flights.law for flights in campaigns.values())
@@ -77,8 +87,8 @@ def law_dashes(campaigns: Mapping[str, Flights]) -> dict[str, Dashes]:
 
 
 def _keys(campaigns: Mapping[str, Flights], dashes: Mapping[str, Dashes]) -> list[Line2D]:
-    modes = dict.fromkeys(flights.mode for flights in back_to_front(campaigns).values())
-    keys = [line_key(mode.value, MODE_STYLES[mode].colour) for mode in modes]
+    drawn = styles(back_to_front(campaigns).values())
+    keys = [line_key(name, style.colour) for name, style in drawn.items()]
     for law, dash in dashes.items() if len(dashes) > 1 else ():
         keys.append(Line2D([], [], color=INK, linewidth=1.8, linestyle=dash, label=words(law)))
     text = ", ".join(f"{radius * KILO:g}" for radius in RADII)

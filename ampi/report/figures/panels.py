@@ -32,6 +32,7 @@ Array = NDArray[np.float64]
 
 PANEL_HEIGHT = 2.35  # inches
 FIGURE_WIDTH = 9.2  # inches
+KEY_WIDTH = 1.5  # inches, of a legend
 
 
 def panel_grid(labels: Sequence[str], columns: int) -> tuple[Figure, list[Axes]]:
@@ -155,8 +156,9 @@ def marker_key(label: str, marker: str, colour: str = INK) -> Line2D:
 
 
 def place_legend(figure: Figure, keys: Sequence[Line2D]) -> None:
-    """One legend for all panels, under them."""
-    columns = len(keys) if len(keys) <= 6 else -(-len(keys) // 2)
+    """One legend for all panels, under them: in rows of one length that fit the figure."""
+    abreast = max(2, int(figure.get_figwidth() / KEY_WIDTH))
+    columns = -(-len(keys) // -(-len(keys) // abreast))
     legend = figure.legend(handles=list(keys), loc="outside lower center", ncols=columns)
     for text in legend.get_texts():
         text.set_parse_math(False)  # a $ in a campaign's name is a dollar

@@ -14,7 +14,13 @@ from ampi.report.correlations import Correlation, correlations
 from ampi.report.figures.panels import line_key, place_legend
 from ampi.report.figures.style import DATABASE_COLOUR, INK, house_style, new_figure
 from ampi.report.figures.world_panels import WIDTH
-from ampi.report.scheme_groups import by_world, differs_from_model, first_law, words
+from ampi.report.scheme_groups import (
+    by_world,
+    differs_from_model,
+    first_law,
+    is_corrected,
+    words,
+)
 from ampi.simulation.estimates.bootstrap import Estimate
 from ampi.simulation.flights import Flights
 
@@ -27,13 +33,20 @@ LABELS = {
 
 
 def explained(campaigns: Mapping[str, Flights]) -> dict[str, Flights]:
-    """One campaign of each world that differs, or of each if none does: of the first law, AMPI's."""
+    """One campaign of each world that differs, or of each if none does: of the first law, AMPI's.
+
+    A second one of what is corrected in flight, for other errors are left.
+    """
     worlds = by_world(campaigns)
     wrong = {w: own for w, own in worlds.items() if differs_from_model(next(iter(own.values())))}
     found = {}
     for world, flown in (wrong or worlds).items():
-        own = list(first_law(flown).values())
-        found[world] = next((f for f in own if f.mode is Mode.AMPI), own[-1])
+        law = list(first_law(flown).values())
+        for corrected in (False, True):
+            own = [f for f in law if is_corrected(f) is corrected]
+            if own:
+                name = f"{world}, corrected" if corrected else world
+                found[name] = next((f for f in own if f.mode is Mode.AMPI), own[-1])
     return found
 
 

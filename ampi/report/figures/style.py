@@ -20,6 +20,8 @@ from typing import Any, ParamSpec
 from matplotlib import rc_context, rcdefaults, rcParams
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from PIL import Image
+from PIL.PngImagePlugin import PngInfo
 
 from ampi.onboard.reference import Mode
 from ampi.outputs import written
@@ -27,6 +29,7 @@ from ampi.outputs import written
 P = ParamSpec("P")
 
 DOTS_PER_INCH = 110
+COLOURS = 256  # of a PNG: the lines of a figure have few, and their blends
 LIMIT_COLOUR = "#B00020"
 TARGET_COLOUR = "#000000"
 DATABASE_COLOUR = "#5B7DB1"
@@ -115,9 +118,16 @@ def house_style(draw: Callable[P, Figure]) -> Callable[P, Figure]:
     return styled
 
 
+class HouseFigure(Figure):
+    """A figure that a notebook shows without pyplot, under the settings above."""
+
+    def _repr_png_(self) -> bytes:
+        return image_bytes(self)
+
+
 def new_figure(width: float, height: float) -> Figure:
     """Empty figure of `width` × `height` (inches) on the Agg canvas, laid out without overlaps."""
-    figure = Figure(figsize=(width, height), layout="constrained")
+    figure = HouseFigure(figsize=(width, height), layout="constrained")
     FigureCanvasAgg(figure)
     return figure
 
@@ -126,15 +136,25 @@ def image_bytes(
     figure: Figure, image_format: ImageFormat = ImageFormat.PNG, made_by: str = "ampi"
 ) -> bytes:
     """The figure as a file's content; the same figure gives the same bytes."""
-    buffer = io.BytesIO()
+    buffer, maker = io.BytesIO(), {_MAKER[image_format]: made_by}
     with _settings():
         figure.savefig(
             buffer,
             format=image_format.name.lower(),
             dpi=DOTS_PER_INCH,
-            metadata={_MAKER[image_format]: made_by, **_TIMES[image_format]},
+            metadata={**maker, **_TIMES[image_format]},
         )
-    return buffer.getvalue()
+    return _lighter(buffer, maker) if image_format is ImageFormat.PNG else buffer.getvalue()
+
+
+def _lighter(png: io.BytesIO, maker: dict[str, str]) -> bytes:
+    """The same picture in `COLOURS` colours: a third of the bytes, and no eye tells them apart."""
+    about, kept = PngInfo(), io.BytesIO()
+    for key, value in maker.items():
+        about.add_text(key, value)
+    picture = Image.open(png).convert("RGB").quantize(COLOURS, dither=Image.Dither.NONE)
+    picture.save(kept, "png", optimize=True, pnginfo=about, dpi=(DOTS_PER_INCH, DOTS_PER_INCH))
+    return kept.getvalue()
 
 
 def save_figure(path: Path, figure: Figure, made_by: str) -> None:

@@ -31,6 +31,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ampi.physics.planet import destination
+from ampi.simulation.estimates.bootstrap import Estimate, resampled_flights
 from ampi.simulation.estimates.proportions import CONFIDENCE
 
 Array = NDArray[np.float64]
@@ -91,6 +92,20 @@ def ellipse_area(along: Array, across: Array) -> float:
         return float("nan")
     covariance = np.cov(along, across)
     return float(np.pi * ELLIPSE * np.sqrt(max(np.linalg.det(covariance), 0.0)))
+
+
+def ellipse_area_estimate(along: Array, across: Array, seed: int = 0) -> Estimate:
+    """The same with its bootstrap interval; NaN of fewer than three points."""
+    if len(along) < FEWEST:
+        return Estimate(np.nan, np.nan, np.nan)
+    resampled = []
+    for flights in resampled_flights(len(along), seed):
+        x, y = along[flights], across[flights]
+        x, y = x - x.mean(axis=1, keepdims=True), y - y.mean(axis=1, keepdims=True)
+        determinant = (x * x).sum(axis=1) * (y * y).sum(axis=1) - (x * y).sum(axis=1) ** 2
+        resampled.append(np.sqrt(np.maximum(determinant, 0.0)) / (len(along) - 1))
+    areas = np.pi * ELLIPSE * np.concatenate(resampled)
+    return Estimate.between(ellipse_area(along, across), areas)
 
 
 def covariance_ellipse(across: Array, along: Array) -> Ellipse | None:

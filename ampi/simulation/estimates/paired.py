@@ -20,6 +20,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from ampi.shown import Shown
 from ampi.simulation.estimates.bootstrap import Estimate, resampled_flights
 from ampi.simulation.estimates.proportions import CONFIDENCE
 from ampi.simulation.estimates.spreads import all_flights
@@ -53,7 +54,7 @@ class ShareDifference:
 
 
 @dataclass(frozen=True)
-class PairedDifference:
+class PairedDifference(Shown):
     """One scheme less another on the same n draws: it is better by negative misses, positive shares."""
 
     n: int

@@ -1,4 +1,4 @@
-"""Tables in the README, between two markers that name the command which measured them."""
+"""Tables in a page of the documentation, between two markers that name the command behind them."""
 
 from __future__ import annotations
 

@@ -1,0 +1,222 @@
+"""The sections of a mission file that bound the flight: its entry, its target and what it must keep."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from pydantic import Field, field_validator, model_validator
+
+from ampi.missions import units as u
+from ampi.missions.units import Section
+from ampi.physics.angles import TURN
+
+
+class EntrySection(Section):
+    """State at the entry interface, Table 1; the bank angle and its rate there are free unless given.
+
+    A flight that is under way starts at a later `time`: the angle of attack and the mesh go by it, and
+    phases of the mesh that are over by then are dropped.
+    """
+
+    altitude: u.Length = Field(ge=0, le=130e3, description="Height over the planet's surface")
+    longitude: u.CircularAngle = Field(
+        ge=-2 * TURN, le=2 * TURN, description="Longitude, east positive"
+    )
+    latitude: u.Angle = Field(
+        gt=-0.5 * np.pi, lt=0.5 * np.pi, description="Latitude, north positive"
+    )
+    speed: u.Speed = Field(ge=10, le=12e3, description="Speed over the rotating ground")
+    flight_path_angle: u.Angle = Field(
+        gt=-0.5 * np.pi,
+        lt=0.5 * np.pi,
+        description="Of the velocity over the horizon; negative: descending",
+    )
+    azimuth: u.CircularAngle = Field(
+        ge=-2 * TURN, le=2 * TURN, description="Of the velocity from north, clockwise"
+    )
+    bank_angle: u.CircularAngle | None = Field(
+        default=None, ge=-TURN, le=TURN, description="Bank angle at entry; free unless given"
+    )
+    bank_rate: u.AngularRate | None = Field(
+        default=None, description="Bank rate at entry; free unless given"
+    )
+    time: u.Time = Field(
+        default=0.0, ge=0, description="Since the entry interface, of a flight that is under way"
+    )
+
+
+class TargetSection(Section):
+    """Where guided flight ends. Tolerances and radii serve the verdict, not the optimiser.
+
+    A flight has passed where it ended within all three tolerances; `radii` are those within which
+    flights are counted, by default a quarter, a half, once and twice the position tolerance. A final
+    angle is one number or a range [least, greatest]; absent, it is free. With `position = "free"`
+    longitude and latitude only serve the reports (maximum range), and no distance is judged.
+    """
+
+    altitude: u.Length = Field(ge=0, le=120e3, description="Height over the planet's surface")
+    longitude: u.CircularAngle = Field(
+        ge=-2 * TURN, le=2 * TURN, description="Longitude, east positive"
+    )
+    latitude: u.Angle = Field(
+        gt=-0.5 * np.pi, lt=0.5 * np.pi, description="Latitude, north positive"
+    )
+    speed: u.Speed = Field(
+        ge=10, le=12e3, description="Speed over the ground at which guided flight ends"
+    )
+    altitude_tolerance: u.Length = Field(gt=0, description="±, of a flight that has passed")
+    speed_tolerance: u.Speed = Field(gt=0, description="±, of a flight that has passed")
+    position_tolerance: u.Length = Field(
+        default=10e3, gt=0, description="Distance from the target, of a flight that has passed"
+    )
+    radii: u.Lengths | None = Field(
+        default=None,
+        description="About the target, within which flights are counted, increasing; by default "
+        "¼, ½, 1 and 2 times the position tolerance",
+    )
+    position: Literal["fixed", "free"] = Field(
+        default="fixed",
+        description="fixed, or free: longitude and latitude then only serve the reports",
+    )
+    flight_path_angle: u.AngleRange | None = Field(
+        default=None, description="A number or [least, greatest]; free unless given"
+    )
+    azimuth: u.CircularRange | None = Field(
+        default=None, description="A number or [least, greatest]; free unless given"
+    )
+
+    @field_validator("radii")
+    @classmethod
+    def _radii_increase(cls, value: tuple[float, ...] | None) -> tuple[float, ...] | None:
+        if value is not None and (len(value) == 0 or np.any(np.diff((0.0, *value)) <= 0)):
+            raise ValueError("expected one or more positive lengths that increase strictly")
+        return value
+
+    @property
+    def judged_radii(self) -> tuple[float, ...]:
+        """Radii (m) about the target within which the verdict counts flights."""
+        if self.radii is not None:
+            return self.radii
+        return tuple(share * self.position_tolerance for share in (0.25, 0.5, 1.0, 2.0))
+
+    @field_validator("flight_path_angle", "azimuth", mode="before")
+    @classmethod
+    def _number_is_a_range(cls, value: Any) -> Any:
+        return (value, value) if isinstance(value, float) else value
+
+    @field_validator("azimuth")
+    @classmethod
+    def _range_crosses_south(cls, value: tuple[float, float] | None) -> tuple[float, float] | None:
+        """[170°, −170°] is [170°, 190°]."""
+        if value is not None and value[0] - value[1] > 0.5 * TURN:
+            return value[0], value[1] + TURN
+        return value
+
+    @field_validator("flight_path_angle", "azimuth")
+    @classmethod
+    def _range_increases(cls, value: tuple[float, float] | None) -> tuple[float, float] | None:
+        if value is not None and value[1] < value[0]:
+            raise ValueError("expected a number or [least, greatest]")
+        return value
+
+
+Margin = Annotated[float, Field(strict=True, ge=0, lt=1)]
+
+
+class LimitsSection(Section):
+    """Bank angle, rate and acceleration (±), the three path constraints of Eq. (4), a drag floor.
+
+    A change of the angle of attack (±, on the schedule's) and its rate (±) are what guidance may use
+    beside the bank angle; absent, it flies by bank alone. No optimum uses them.
+
+    Load factor and drag floor are counted in the planet's g₀ (`PlanetSection`).
+
+    The drag floor (Liu 2015, Eq. 73) holds where the speed is below `drag_floor_speed`. A margin is the
+    share of a limit that an optimum leaves unused (path_limits); verdicts judge by the limit itself.
+    """
+
+    bank_angle: u.Angle = Field(gt=0, le=np.pi, description="Greatest size of the bank angle")
+    bank_angle_minimum: u.Angle = Field(
+        default=0.0, ge=0, lt=0.5 * np.pi, description="Least size of the bank angle"
+    )
+    bank_rate: u.AngularRate = Field(gt=0, description="Greatest size of the bank rate")
+    bank_acceleration: u.AngularAcceleration = Field(
+        gt=0, description="Greatest size of the bank acceleration"
+    )
+    angle_of_attack_change: u.Angle | None = Field(
+        default=None,
+        gt=0,
+        lt=0.5 * np.pi,
+        description="±, on the schedule, that guidance may use; none: it flies by bank alone",
+    )
+    angle_of_attack_rate: u.AngularRate | None = Field(
+        default=None, gt=0, description="±, of that change"
+    )
+    dynamic_pressure: u.Pressure = Field(gt=0, description="Greatest dynamic pressure")
+    heat_flux: u.HeatFlux = Field(gt=0, description="Greatest heat flux")
+    load_factor: u.LoadFactor = Field(gt=0, description="Greatest load factor, in the planet's g₀")
+    drag_floor: u.LoadFactor | None = Field(
+        default=None, gt=0, description="Least drag, in the planet's g₀, Liu 2015, Eq. (73)"
+    )
+    drag_floor_speed: u.Speed | None = Field(
+        default=None, gt=0, description="The drag floor holds below it"
+    )
+    bank_angle_margin: Margin = Field(
+        default=0.0, description="Share of the limit that an optimum leaves unused"
+    )
+    bank_rate_margin: Margin = Field(
+        default=0.0, description="Share of the limit that an optimum leaves unused"
+    )
+    dynamic_pressure_margin: Margin = Field(
+        default=0.0, description="Share of the limit that an optimum leaves unused"
+    )
+    heat_flux_margin: Margin = Field(
+        default=0.0, description="Share of the limit that an optimum leaves unused"
+    )
+    load_factor_margin: Margin = Field(
+        default=0.0, description="Share of the limit that an optimum leaves unused"
+    )
+    drag_floor_margin: Margin = Field(
+        default=0.0, description="Share of the floor that an optimum stays above it"
+    )
+    no_fly_zone_margin: Margin = Field(
+        default=0.0, description="Share of every zone's radius that an optimum stays away besides"
+    )
+
+    def share(self, limit: str) -> float:
+        """What an optimum may use of a limit (`PathLimits.names`): 1 − its margin."""
+        margin: float = getattr(self, f"{limit.partition(' ')[0]}_margin")
+        return 1.0 - margin
+
+    def designed(self, limit: str) -> float:
+        """A limit less its margin (SI, rad)."""
+        value: float = getattr(self, limit)
+        return value * self.share(limit)
+
+    @model_validator(mode="after")
+    def _pairs_are_complete(self) -> LimitsSection:
+        found = []
+        if (self.angle_of_attack_change is None) != (self.angle_of_attack_rate is None):
+            found.append(
+                "angle_of_attack_change_deg and angle_of_attack_rate_deg_per_s: expected both or neither"
+            )
+        if (self.drag_floor is None) != (self.drag_floor_speed is None):
+            found.append("drag_floor_g and drag_floor_speed_m_per_s: expected both or neither")
+        if self.bank_angle_minimum >= self.bank_angle:
+            found.append("bank_angle_minimum: expected less than bank_angle")
+        if found:
+            raise ValueError("\n".join(found))
+        return self
+
+
+class NoFlyZoneSection(Section):
+    """A cylinder over a circle on the ground, Liu 2015, Eq. (71) with distances on the sphere."""
+
+    longitude: u.CircularAngle = Field(
+        ge=-2 * TURN, le=2 * TURN, description="Of its centre, east positive"
+    )
+    latitude: u.Angle = Field(
+        ge=-0.5 * np.pi, le=0.5 * np.pi, description="Of its centre, north positive"
+    )
+    radius: u.Length = Field(gt=0, description="On the ground")
