@@ -20,14 +20,14 @@ def small_database(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return databases.small_database(tmp_path_factory)
 
 
-@pytest.fixture(scope="package")
+@pytest.fixture(scope="module")
 def page(small_database: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("explorer") / "explore.html"
     path.write_text(explore(read_dataset(small_database)), encoding="utf-8")
     return path
 
 
-@pytest.fixture(scope="package")
+@pytest.fixture(scope="module")
 def opened(page: Path) -> Iterator[Any]:
     """The page, drawn."""
     if shutil.which("chromium") is None or shutil.which("chromedriver") is None:

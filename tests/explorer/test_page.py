@@ -1,0 +1,145 @@
+"""The page in a real browser: sliders are moved by the keyboard, numbers are read back."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import ampi
+from ampi.dataset import read_dataset
+from ampi.explorer.explorer import explore
+from tests.support.command_line import run
+
+WIDTHS = """
+const done = arguments[0], root = document.documentElement;
+setTimeout(() => done([root.scrollWidth, root.clientWidth]), 300);
+"""
+
+
+@pytest.fixture(scope="module")
+def page(small_database: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """With flights of a wrong world."""
+    folder = tmp_path_factory.mktemp("page")
+    mission, guidance = read_dataset(small_database).mission, ampi.load_guidance(small_database)
+    schemes = {"everything": ampi.Scheme(guidance, "everything"), "entry": ampi.Scheme(guidance)}
+    flights = ampi.fly_schemes(mission, schemes, n=12, seed=1, n_jobs=1)
+    path = folder / "explore.html"
+    path.write_text(explore(read_dataset(small_database), flights), encoding="utf-8")
+    return path
+
+
+@pytest.fixture
+def drawn(opened: Any) -> Iterator[Any]:
+    """The page as it is opened, its corrected flight flown."""
+    opened.refresh()
+    wait_for(opened, "corrected")
+    yield opened
+    told = [entry for entry in opened.get_log("browser") if entry["level"] != "INFO"]
+    assert told == []
+
+
+def wait_for(driver: Any, flag: str) -> None:
+    from selenium.webdriver.support.wait import WebDriverWait
+
+    WebDriverWait(driver, 60).until(
+        lambda d: d.execute_script(f"return document.body.dataset.{flag}") == "1"
+    )
+
+
+def number(driver: Any, name: str) -> float:
+    return float(driver.find_element("id", name).text.replace("−", "-"))
+
+
+def press(driver: Any, name: str, key: str, times: int) -> None:
+    """An arrow key with shift on a slider; until everything that follows from it is drawn."""
+    from selenium.webdriver import Keys
+
+    driver.execute_script("document.body.dataset.corrected = ''")
+    driver.find_element("id", name).send_keys(Keys.SHIFT, *[key] * times)
+    wait_for(driver, "corrected")
+
+
+def test_it_opens_and_agrees_with_the_flight_code(drawn: Any) -> None:
+    badge = drawn.find_element("id", "agreement")
+    assert "agree" in badge.text
+    assert badge.get_attribute("class") == "badge"
+    assert float(badge.get_attribute("data-largest")) < 1e-12
+    assert number(drawn, "miss-ampi") < 0.1
+    assert len(drawn.find_elements("css selector", "svg path.land")) > 0
+
+
+def test_a_slider_moves_the_entry_and_beyond_the_table_it_says_so(drawn: Any) -> None:
+    from selenium.webdriver import Keys
+
+    before = drawn.find_element("css selector", "#charts svg").get_attribute("outerHTML")
+    slider = drawn.find_element("css selector", "#entry input").get_attribute("id")
+    press(drawn, slider, Keys.ARROW_RIGHT, 12)
+    assert drawn.find_element("css selector", "#charts svg").get_attribute("outerHTML") != before
+    assert "Outside the hypercube" not in drawn.find_element("id", "cell").text
+    press(drawn, slider, Keys.ARROW_RIGHT, 6)
+    assert "Outside the hypercube" in drawn.find_element("id", "cell").text
+    assert number(drawn, "miss-ampi") > 1.0  # of what no reference is made for
+    drawn.find_element("id", "reset-entry").click()
+    drawn.execute_script("document.body.dataset.corrected = ''")
+    wait_for(drawn, "corrected")
+    assert "Inside the hypercube" in drawn.find_element("id", "cell").text
+
+
+def test_a_wrong_model_moves_every_reference_and_the_corrector_lands(drawn: Any) -> None:
+    from selenium.webdriver import Keys
+
+    press(drawn, "p-density", Keys.ARROW_RIGHT, 2)
+    press(drawn, "p-lift", Keys.ARROW_LEFT, 1)
+    assert "1.100" in drawn.find_element("id", "value-density").text
+    for mode in ("nominal", "mpi", "ampi", "quadratic"):
+        assert number(drawn, f"miss-{mode}") > 1.0
+    assert number(drawn, "miss-corrected") < 0.2
+
+
+def test_a_flight_of_the_cloud_shows_itself(drawn: Any) -> None:
+    from selenium.webdriver import Keys
+
+    cloud = drawn.find_element("css selector", "svg[tabindex='0']")
+    assert len(cloud.find_elements("css selector", ".flight")) > 6
+    drawn.execute_script("document.body.dataset.corrected = ''")
+    cloud.send_keys(Keys.ARROW_RIGHT)
+    wait_for(drawn, "corrected")
+    told = drawn.execute_script("return [page.entry.values, page.world.values]")
+    own = drawn.execute_script("return DATA.shown.flights.campaigns[0]")
+    assert told == [own["parameters"][0], own["world"][0]]
+    assert drawn.find_element("id", "value-density").text.startswith(f"{own['world'][0][0]:.3f}")
+
+
+@pytest.mark.parametrize("width", [400, 1300])
+def test_nothing_is_wider_than_the_window(drawn: Any, width: int) -> None:
+    size = {"width": width, "height": 900, "deviceScaleFactor": 1, "mobile": width < 500}
+    drawn.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", size)
+    try:
+        needed, given = drawn.execute_async_script(WIDTHS)
+    finally:
+        drawn.execute_cdp_cmd("Emulation.clearDeviceMetricsOverride", {})
+    assert needed <= given
+
+
+def test_it_holds_all_that_it_needs_and_prints(drawn: Any, page: Path) -> None:
+    text = page.read_text(encoding="utf-8")
+    text = text.replace("http://www.w3.org/2000/svg", "")  # a name, and no address
+    assert not [word for word in ("http://", "https://", "src=", "@import") if word in text]
+    assert len(text) < 1.5e6
+    printed = drawn.execute_cdp_cmd("Page.printToPDF", {"printBackground": True})
+    assert len(printed["data"]) > 10_000
+
+
+def test_the_command_writes_it_and_refuses_flights_of_another_mission(
+    small_database: Path, tmp_path: Path
+) -> None:
+    said = run("explore", str(small_database), "--output", "page.html", cwd=tmp_path).stdout
+    assert said.startswith("page.html: ")
+    run(
+        "explore", str(small_database), "--output", "page.html", cwd=tmp_path
+    )  # its own is replaced
+    other = run("explore", str(small_database), str(small_database), cwd=tmp_path, code=2)
+    assert "Traceback" not in other.stderr and other.stderr.count("\n") == 1
