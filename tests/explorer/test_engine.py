@@ -38,6 +38,7 @@ Explorer.open(DATA).then((engine) => {
 FLOWN = """
 const [p, world, done] = arguments;
 Explorer.open(DATA).then((engine) => {
+  engine.correct(p, world); // leaves nothing behind
   const found = Object.fromEntries(engine.modes.map(({ name }) => [name, engine.fly(p, world, name)]));
   found.corrected = engine.correct(p, world);
   done(JSON.stringify(found, (key, value) => (key === "track" ? undefined : value)));

@@ -51,6 +51,8 @@ EXPORTED("is_hole") int is_hole(void) { return (reference.hole != 0u) ? 1 : 0; }
 EXPORTED("begin") void begin(unsigned number, int is_corrected, const double *target)
 {
     size_t i;
+    (void)memset(&guidance, 0, sizeof guidance); /* of the last flight nothing is remembered */
+    (void)memset(&corrector, 0, sizeof corrector);
     ampi_guidance_begin(&guidance, &table[number], in);
     if (is_corrected != 0) {
         ampi_corrector_begin(&corrector, &model, &table[number], in);
