@@ -21,7 +21,7 @@ from ampi.correction.onboard_correction import NO_AXIS
 from ampi.dataset import TrajectoryDataset
 from ampi.explorer.coast import land
 from ampi.explorer.packed_table import PackedTable, deflated, text_of
-from ampi.explorer.page_flights import MOST, shown_flights
+from ampi.explorer.page_flights import few_of, shown_flights
 from ampi.explorer.page_physics import PagePhysics
 from ampi.explorer.small_table import SmallTable, fitting
 from ampi.export.blob import table_blob
@@ -241,8 +241,9 @@ def _flights(
 
 
 def _too_many(campaigns: Mapping[str, Flights] | None) -> list[str]:
+    shown = few_of(campaigns or {})
     return [
-        f"{label}: the first {MOST} of {flights.n} flights; ellipses and shares are of all"
+        f"{label}: all but the first {shown} of {flights.n} flights; ellipses and shares are of all"
         for label, flights in (campaigns or {}).items()
-        if flights.n > MOST
+        if flights.n > shown
     ]

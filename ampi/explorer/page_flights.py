@@ -18,7 +18,7 @@ from ampi.simulation.uncertainties import BY_NAME
 
 Array = NDArray[np.float64]
 
-MOST = 500  # flights of a campaign: more are a cloud, and megabytes
+MOST = 1000  # flights in all: more are a cloud, and megabytes
 OUTLINE = 73  # points of an ellipse
 LOADED = (30e3, 60e3)  # m, altitudes over which a profile is averaged: there the air steers
 
@@ -46,12 +46,19 @@ def shown_flights(
                 f"flights: expected those of the database's mission, got {label} of "
                 f"{flights.mission}, whose numbers differ"
             )
-        found.append(_campaign(label, flights, units, place))
+        found.append(_campaign(label, flights, units, place, few_of(campaigns)))
     return {"campaigns": found}
 
 
-def _campaign(label: str, flights: Flights, units: Array, place: Place) -> dict[str, Any]:
-    few = slice(0, MOST)
+def few_of(campaigns: Mapping[str, Flights]) -> int:
+    """How many flights of each campaign are shown."""
+    return MOST // max(len(campaigns), 1)
+
+
+def _campaign(
+    label: str, flights: Flights, units: Array, place: Place, count: int
+) -> dict[str, Any]:
+    few = slice(0, count)
     ends = np.where(flights.reached, (flights.across, flights.along), np.nan)
     pairs = (("covariance", covariance_ellipse(*ends)), ("contains", containing_ellipse(*ends)))
     return {
