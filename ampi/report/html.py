@@ -22,7 +22,13 @@ from ampi.report.plain_tables import axes_table, dispersions_table, drawn_by_wor
 from ampi.report.published import PAPER_LAW, is_of_the_paper, is_shipped
 from ampi.report.quantities import DEGREES, KILO
 from ampi.report.scheme_exhibits import first_exhibit, scheme_exhibits, wrong_world_exhibits
-from ampi.report.scheme_groups import UNCORRECTED, SchemeGroup, scheme_groups, words
+from ampi.report.scheme_groups import (
+    UNCORRECTED,
+    SchemeGroup,
+    differs_from_model,
+    scheme_groups,
+    words,
+)
 from ampi.report.schemes_table import schemes_table
 from ampi.report.verdict_tables import (
     VerdictTable,
@@ -117,6 +123,9 @@ def _content(
     """What the template shows of the database and the flights, by its names there."""
     of_the_paper = is_of_the_paper(mission)
     groups = scheme_groups(campaigns)
+    wrong = wrong_world_exhibits(mission, campaigns)
+    all_wrong = all(map(differs_from_model, campaigns.values()))
+    modelled = () if wrong and all_wrong else campaign_exhibits(mission, campaigns)
     return {
         "title": f"{mission.title}: entry guidance by pseudospectral interpolation",
         "statement": mission_statement(mission, table),
@@ -133,8 +142,8 @@ def _content(
         "axes": axes_table(mission),
         "dispersions": dispersions_table(mission, campaigns),
         "drawn": drawn_by_world(campaigns),
-        "wrong_pictures": _drawn(wrong_world_exhibits(mission, campaigns), of_the_paper),
-        "campaign_pictures": _drawn(campaign_exhibits(mission, campaigns), of_the_paper),
+        "wrong_pictures": _drawn(wrong, of_the_paper),
+        "campaign_pictures": _drawn(modelled, of_the_paper),
         "database_pictures": _drawn(database_exhibits(mission, table), of_the_paper),
     }
 

@@ -111,7 +111,7 @@ def wrong_world_exhibits(mission: Mission, campaigns: Mapping[str, Flights]) -> 
     """The flights of the first world that differs, one by one, as those of the model's own world.
 
     Of the first law; where plans are corrected, AMPI with and without. None if no world differs, or if
-    it is the only one: then its flights are drawn anyway.
+    there is one group alone: its flights are drawn anyway.
     """
     wrong = {
         world: first_law(own)

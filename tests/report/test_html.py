@@ -273,6 +273,29 @@ def test_flights_are_drawn_of_the_papers_world_and_kind_of_law(
     assert "World" not in campaign_exhibits(mission, campaigns)[0].caption
 
 
+def test_where_every_world_differs_no_flights_are_said_to_be_as_modelled(
+    monkeypatch: pytest.MonkeyPatch,
+    tmp_path: Path,
+    mission: Mission,
+    table: GuidanceTable,
+    many: dict[str, Flights],
+) -> None:
+    monkeypatch.setattr("ampi.report.html._drawn", lambda exhibits, _: [*exhibits])
+    monkeypatch.setattr("ampi.report.exhibits.Exhibit.source", "data:", raising=False)
+    abroad = {name: f for name, f in many.items() if f.world == "everything"}
+    pages = [
+        write_report(tmp_path / "r.html", mission, table, flown, {}).read_text("utf-8")
+        for flown in (many, abroad)
+    ]
+    for heading, there in (
+        ("In a world that differs from the model", [True, True]),
+        ("In the world as modelled", [True, False]),
+        ('id="campaign-states-wrong"', [True, True]),
+        ('id="campaign-states"', [True, False]),
+    ):
+        assert [heading in page for page in pages] == there
+
+
 def test_campaigns_that_coincide_are_named(campaigns: dict[str, Flights]) -> None:
     assert coincident(campaigns) == ()
     twin = replace(campaigns["ampi"], along=campaigns["ampi"].along + 0.5)

@@ -66,7 +66,7 @@ def budget_figure(mission: Mission, campaigns: Mapping[str, Flights]) -> Figure:
         axes.set_title(name, loc="left", parse_math=False)
         _draw(axes, shares)
     for axes in grid[: len(found)][-columns:]:
-        axes.set_xlabel("Share of the variance along the track, in ranks (%)")
+        axes.set_xlabel("Share of the variance, in ranks (%)")
         axes.tick_params(labelbottom=True)
     keys = [
         line_key("by one number", DATABASE_COLOUR, width=6.0),
