@@ -125,19 +125,24 @@ const Table = (() => {
     return { clipped, cell, first, weights };
   }
 
+  /* found += weight × a vertex. */
+  function addVertex(found, values, begin, weight) {
+    for (let k = 0; k < found.length; k++) found[k] += weight * values[begin + k];
+  }
+
   /* Nodal values [columns] of parameters (SI): the weighted sum of the vertices of the subspace. */
   function nodal(table, parameters) {
     const places = table.axes.map((axis, k) => located(axis, parameters[k]));
     const found = new Float64Array(table.columns);
-    (function add(axis, vertex, weight) {
+    const add = (axis, vertex, weight) => {
       if (axis === places.length) {
-        const begin = vertex * table.columns;
-        for (let k = 0; k < table.columns; k++) found[k] += weight * table.values[begin + k];
+        addVertex(found, table.values, vertex * table.columns, weight);
         return;
       }
       const { first, weights } = places[axis], count = table.axes[axis].count;
       weights.forEach((own, k) => add(axis + 1, vertex * count + first + k, weight * own));
-    })(0, 0, 1);
+    };
+    add(0, 0, 1);
     return { values: found, finalTime: found[table.columns - 1], places };
   }
 
