@@ -2,6 +2,7 @@
 
 python scripts/check_replanning.py demo/shefex3.h5 polish          references before the entry, polished
 python scripts/check_replanning.py demo/shefex3.h5 rolling         plans every 5 s, each from the last
+python scripts/check_replanning.py demo/shefex3.h5 flights         along flights that a corrector flies
 python scripts/check_replanning.py demo/shefex3.h5 states          optimiser and corrector, side by side
 python scripts/check_replanning.py demo/shefex3.h5 polish --json   print the numbers
 
@@ -32,7 +33,7 @@ from ampi.physics.state import BANK, SPEED
 from ampi.replanning.iteration import ReplanSettings
 from ampi.replanning.outcome import Replan
 from ampi.simulation.certificate_truth import TOGETHER, flown_miss, random_entries
-from ampi.simulation.replan_truth import compared_states, planned
+from ampi.simulation.replan_truth import compared_states, planned, told_states
 from ampi.trajectory import Trajectory
 
 Array = NDArray[np.float64]
@@ -129,15 +130,43 @@ def rolling(arguments: argparse.Namespace) -> dict[str, Any]:
             told = here + NOISE * draw.standard_normal(len(NOISE))
             given = (mission, told, plan, known)
             found, seconds = timed(*given, time=now, **budget(arguments))
-            rows.append({"seconds": seconds, "status": found.status.name, "first": now == START})
-            rows[-1]["iterations"] = found.statistics.iterations
-            rows[-1]["steps"] = found.statistics.simplified_steps
-            rows[-1]["miss"] = np.hypot(found.horizontal_miss, found.altitude_miss)
+            rows.append(row_of(found, seconds) | {"first": now == START})
             plan = found.trajectory or plan
             here, now = after(model, here, plan, Factors(*true), now), now + PERIOD
     return {
         "first plans, from the reference": costs([row for row in rows if row["first"]]),
         "plans from the last ones": costs([row for row in rows if not row["first"]]),
+    }
+
+
+def flights(arguments: argparse.Namespace) -> dict[str, Any]:
+    """States of `everything` flights that a corrector flies, the true constant factors told.
+
+    Where the vehicle has left its reference, and the optimiser did not plan what is flown.
+    """
+    mission = read_dataset(arguments.database).mission
+    guidance = ampi.load_guidance(arguments.database, mode=arguments.mode, correction="bank")
+    truth = ampi.load_world("everything").checked(mission).draw(mission, arguments.flights, seed=1)
+    reference = {k: planned(mission, guidance, p) for k, p in enumerate(truth.parameters)}
+    last, rows = dict(reference), dict[str, list[dict[str, Any]]]()
+    for told in told_states(mission, guidance, truth, every=30.0):
+        starts = {"from the reference": reference, "from the optimiser's last plan": last}
+        for name, plans in starts.items():
+            given = (mission, told.state, plans[told.flight], told.estimate)
+            found, seconds = timed(*given, time=told.time, **budget(arguments))
+            rows.setdefault(name, []).append(row_of(found, seconds))
+        last[told.flight] = found.trajectory or last[told.flight]
+    return {name: costs(own) for name, own in rows.items()}
+
+
+def row_of(found: Replan, seconds: float) -> dict[str, Any]:
+    """What `costs` reads of a re-planning."""
+    return {
+        "seconds": seconds,
+        "status": found.status.name,
+        "iterations": found.statistics.iterations,
+        "steps": found.statistics.simplified_steps,
+        "miss": np.hypot(found.horizontal_miss, found.altitude_miss),
     }
 
 
@@ -199,12 +228,12 @@ def main() -> None:
     """Parse, check, print."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("database", type=Path)
-    parser.add_argument("check", choices=["polish", "rolling", "states"])
+    parser.add_argument("check", choices=["polish", "rolling", "flights", "states"])
     parser.add_argument(
         "--entries", type=int, default=500, help="inside, and as many to 20 % outside"
     )
     parser.add_argument("--mode", default="ampi", help="of the references that are polished")
-    parser.add_argument("--flights", type=int, default=30, help="of rolling and states")
+    parser.add_argument("--flights", type=int, default=30, help="of rolling, flights and states")
     parser.add_argument("--states", type=int, default=200, help="in all")
     parser.add_argument("--iterations", type=int, default=3)
     parser.add_argument(
@@ -213,7 +242,8 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=17)
     parser.add_argument("--json", action="store_true", help="print the numbers as JSON")
     arguments = parser.parse_args()
-    found = {"polish": polish, "rolling": rolling, "states": states}[arguments.check](arguments)
+    checks = {"polish": polish, "rolling": rolling, "flights": flights, "states": states}
+    found = checks[arguments.check](arguments)
     if arguments.json:
         print(json.dumps(found, indent=1, default=float))
     else:

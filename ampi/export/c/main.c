@@ -116,7 +116,7 @@ int main(int count, char **arguments)
     }
     for (cycle = 0u; (CYCLE * (double)cycle) < guidance.reference.final_time; cycle++) {
         for (i = 0u; i < AMPI_N_NAVIGATED; i++) {
-            const ampi_real *first = &guidance.reference.rows[i * table.n.nodes];
+            const ampi_real *first = &guidance.reference.rows[i]; /* of the first node */
             navigation[i] = (cycle == 0u) ? (double)*first : guidance.row[i];
         }
         step(CYCLE * (double)cycle, navigation, NULL);

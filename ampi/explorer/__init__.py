@@ -1,0 +1,1 @@
+"""The explorer: one HTML file in which a table, its flights and wrong models are moved by hand."""
