@@ -23,7 +23,6 @@ from tests.support.flight_code import COMPILER
 from tests.support.pages import PAGES, ROOT, Block, blocks_of, commands_of, on_top_of
 
 LANGUAGES = {"bash", "c", "python", "text", "toml"}
-ON_THE_WAY = {"explore"}  # commands that are not on main yet
 MAKE = (ROOT / "Makefile").read_text(encoding="utf-8")
 
 
@@ -105,7 +104,7 @@ def check_commands(block: Block, place: str) -> None:
         words = shlex.split(line, comments=True)
         if words[0] == "make":
             assert all(re.search(rf"^{word}:", MAKE, re.MULTILINE) for word in words[1:]), place
-        elif words[0] == "ampi" and words[1] not in ON_THE_WAY:
+        elif words[0] == "ampi":
             options = {o for p in commands[words[1]].params for o in (*p.opts, *p.secondary_opts)}
             asked = {word.split("=")[0] for word in words[2:] if re.match(r"--?[a-z]", word)}
             assert asked <= options | {"--help"}, f"{place}: {asked - options}"
@@ -125,6 +124,23 @@ def test_pages_name_files_that_are_there() -> None:
             r"`((?:ampi|database|scripts|tests)/[\w/.]+)`", page.read_text("utf-8")
         ):
             assert (ROOT / name).exists(), f"{page.name}: {name}"
+
+
+def test_the_readme_leads_to_pages_that_are_there() -> None:
+    for link in re.findall(r"\]\(([^)#:]+)[)#]", (ROOT / "README.md").read_text("utf-8")):
+        assert (ROOT / link).is_file(), link
+
+
+def test_the_measured_tables_have_a_place_on_the_page() -> None:
+    page = (ROOT / "docs" / "results.md").read_text(encoding="utf-8")
+    written = {
+        name
+        for script in (ROOT / "scripts").glob("*.py")
+        for name in re.findall(r'write_section\([\w.]+, "([\w ]+)"', script.read_text("utf-8"))
+    }
+    assert {"results", "worlds", "flight code", "orders"} <= written
+    for name in written | {"roads"}:
+        assert page.count(f"<!-- {name}: begin -->") == page.count(f"<!-- {name}: end -->") == 1
 
 
 def test_the_pages_of_the_site_are_all_in_its_index() -> None:
