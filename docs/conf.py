@@ -13,8 +13,8 @@ from sphinx.util.docstrings import prepare_docstring
 sys.path.insert(0, str(Path(__file__).parent / "_extensions"))
 
 project = "ampi"
-author = "the ampi authors"
-project_copyright = "the ampi authors"
+author = "the ampi developers"
+project_copyright = "the ampi developers"
 release = version = installed_version("ampi")
 
 extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon", "mathml", "executed"]
