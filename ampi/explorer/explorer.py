@@ -112,7 +112,7 @@ def _tables(guidance: Guidance, small: SmallTable) -> dict[str, Any]:
     """Values, and what else stands in the blob of each mode: its own part, and what all share."""
     table, own = small.table, small.axes
     limit_axes = {k: own.index(i) for k, i in guidance.limit_axes.items() if i in own}
-    packed, heads, holes = PackedTable.of(table), [], b""
+    packed, heads, holes = PackedTable.of(table), [], []
     grid = np.arange(table.final_time.size).reshape(table.final_time.shape)
     chosen = {
         Mode.NOMINAL: [int(grid[table.centre])],
@@ -123,20 +123,19 @@ def _tables(guidance: Guidance, small: SmallTable) -> dict[str, Any]:
         vertices = chosen.get(mode, grid.reshape(-1))
         rest = 0 if table.solved is None else -(-len(vertices) // 8) * 8
         heads.append(blob[: len(blob) - rest - 8 * len(vertices) * packed.shape[-1]])
-        holes = blob[len(blob) - rest :] if rest and mode is Mode.AMPI else holes
+        holes.append(blob[len(blob) - rest :])
     shared = 8 * min(_alike(heads[0], head) for head in heads)
     return {
         "table": packed.as_json(),
         "ranges": [*np.ptp(_rows(table), axis=1).tolist(), float(np.ptp(table.final_time)) or 1.0],
         "shared": deflated(heads[0][len(heads[0]) - shared :]),
-        "holes": text_of(holes),
         "modes": [
             {
                 "head": deflated(head[: len(head) - shared]),
                 "vertices": chosen.get(mode),
-                "holes": mode in (Mode.AMPI, Mode.QUADRATIC),
+                "holes": text_of(own_holes),
             }
-            for mode, head in zip(MODES, heads, strict=True)
+            for mode, head, own_holes in zip(MODES, heads, holes, strict=True)
         ],
     }
 

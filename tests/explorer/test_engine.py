@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import shutil
 import subprocess
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -13,10 +14,11 @@ import pytest
 
 import ampi
 from ampi.dataset import read_dataset
-from ampi.explorer.explorer import MODES
+from ampi.explorer.explorer import MODES, explore
 from ampi.missions.mission import Mission
 from ampi.simulation.outcomes import flown
 from ampi.simulation.profiles import ALTITUDES
+from ampi.trajectory import Status
 from tests.support.truths import nominal_truth
 
 OUTSIDE, POINTS = 0.2, 1000
@@ -34,6 +36,14 @@ Explorer.open(DATA).then((engine) => {
   });
   done({ found: JSON.stringify(found), agreement: Math.max(...told) });
 });
+"""
+HOLES = """
+const done = arguments[0];
+Explorer.open(DATA).then((engine) => done([-0.5, 0.5].map((share) => {
+  const p = engine.parameters.map(({ nominal, high, low }) => nominal + share * 0.5 * (high - low));
+  engine.references(p);
+  return engine.compared(p).hole;
+})));
 """
 FLOWN = """
 const [p, world, done] = arguments;
@@ -98,6 +108,22 @@ def test_flights_end_where_those_of_python_end(
             assert 1e3 * page[name] == pytest.approx(own[name][0], abs=5.0)
         assert page["altitude"] == pytest.approx(own["altitude_error"][0], abs=5.0)
     assert found["corrected"]["miss"] < 0.5 * found["ampi"]["miss"]
+
+
+def test_a_table_with_holes_opens_and_says_where_it_borrows(
+    opened: Any, page: Path, small_database: Path, tmp_path: Path
+) -> None:
+    dataset = read_dataset(small_database)
+    status = dataset.status.copy()
+    status[2, 2] = int(Status.TARGET_MISSED)
+    holed = tmp_path / "holed.html"
+    holed.write_text(explore(replace(dataset, status=status)), encoding="utf-8")
+    opened.get(holed.as_uri())
+    try:
+        low, high = opened.execute_async_script(HOLES)
+    finally:
+        opened.get(page.as_uri())
+    assert (low, high) == (False, True)
 
 
 def test_the_flight_code_is_that_of_its_sources(tmp_path: Path) -> None:
