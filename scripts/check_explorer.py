@@ -2,6 +2,7 @@
 
 python scripts/check_explorer.py demo/shefex3.h5            1,000 entries, to 20 % outside
 python scripts/check_explorer.py demo/shefex3.h5 --json     print the numbers
+python scripts/check_explorer.py demo/shefex3.h5 --figure explorer.png   a picture, too
 
 Needs chromium, chromedriver and the extra `test`.
 """
@@ -90,7 +91,24 @@ def largest_errors(database: Path, p: Any, found: list[Any]) -> dict[str, float]
     return errors
 
 
-def measured(database: Path, entries: int, seed: int) -> dict[str, Any]:
+def show(driver: Any, figure: Path) -> None:
+    """The page in denser air with less lift, as a picture."""
+    from selenium.webdriver.support.wait import WebDriverWait
+
+    driver.execute_script(
+        "document.body.dataset.corrected = ''; page.world.values = [1.06, 0.98, 1, 15, 0]"
+    )
+    driver.execute_script("page.request()")
+    WebDriverWait(driver, 60).until(
+        lambda d: d.execute_script("return document.body.dataset.corrected") == "1"
+    )
+    size = {"width": 1300, "height": 960, "deviceScaleFactor": 1, "mobile": False}
+    driver.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", size)
+    driver.execute_async_script("setTimeout(arguments[0], 1000)")
+    driver.save_screenshot(str(figure))
+
+
+def measured(database: Path, entries: int, seed: int, figure: Path | None) -> dict[str, Any]:
     """All numbers."""
     dataset = read_dataset(database)
     mission, units = dataset.mission, [p.number.per_unit for p in dataset.mission.parameters]
@@ -105,6 +123,8 @@ def measured(database: Path, entries: int, seed: int) -> dict[str, Any]:
             shown = (p / units).tolist()
             found = json.loads(driver.execute_async_script(COMPUTED, shown, PART))
             timed = driver.execute_async_script(TIMED, shown[:200])
+            if figure is not None:
+                show(driver, figure)
         finally:
             driver.quit()
         size = page.stat().st_size / 1e6
@@ -117,9 +137,10 @@ def main() -> None:
     parser.add_argument("database", type=Path)
     parser.add_argument("--entries", type=int, default=1000)
     parser.add_argument("--seed", type=int, default=7)
+    parser.add_argument("--figure", type=Path, help="PNG of the page")
     parser.add_argument("--json", action="store_true", help="print the numbers as JSON")
     arguments = parser.parse_args()
-    found = measured(arguments.database, arguments.entries, arguments.seed)
+    found = measured(arguments.database, arguments.entries, arguments.seed, arguments.figure)
     if arguments.json:
         print(json.dumps(found, indent=1))
         return
