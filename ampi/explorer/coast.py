@@ -18,7 +18,7 @@ Array = NDArray[np.float64]
 
 SLIVER = 1e-6  # square degrees: what runs along the edges to and fro is none
 EDGES = (("west", 0, 1), ("east", 0, -1), ("south", 1, 1), ("north", 1, -1))
-SOUTH_POLE = -90.0
+SOUTH_POLE = -90.0  # around which Antarctica's ring runs, and no other
 TURNS = (-360.0, 0.0, 360.0)  # degrees, that a ring may be away from the window
 
 
@@ -78,7 +78,8 @@ def _rings() -> tuple[Array, ...]:
 
 
 def _on_one_turn(ring: Array) -> Array:
-    """Without the jump at 180°, but for Antarctica, whose ring runs along the pole instead."""
-    if ring[:, 1].min() > SOUTH_POLE + 1.0:
-        ring[:, 0] = np.unwrap(ring[:, 0], period=360.0)
-    return ring[:-1]  # the first point is repeated
+    """Without the jump at 180°, the first point not repeated; a ring around the pole is closed along it."""
+    ring[:, 0] = np.unwrap(ring[:, 0], period=360.0)
+    if abs(ring[-1, 0] - ring[0, 0]) < 180.0:
+        return ring[:-1]
+    return np.concatenate([ring, [[ring[-1, 0], SOUTH_POLE], [ring[0, 0], SOUTH_POLE]]])

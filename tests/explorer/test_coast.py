@@ -57,3 +57,11 @@ def test_every_point_is_in_the_window() -> None:
     window = {"west": -60.0, "east": 5.0, "south": 60.0, "north": 80.0}
     for ring in land(window):
         assert np.all(ring >= [-60.0, 60.0]) and np.all(ring <= [5.0, 80.0])
+
+
+def test_antarctica_reaches_the_pole_and_chukotka_the_date_line() -> None:
+    """The ice within two degrees of the pole is land all around; land goes on at 180°."""
+    pole = {"west": 150.0, "east": 260.0, "south": -90.0, "north": -88.0}
+    assert sum(map(area, land(pole))) == pytest.approx(110.0 * 2.0)
+    tundra = {"west": 178.0, "east": 181.0, "south": 67.5, "north": 68.5}
+    assert sum(map(area, land(tundra))) == pytest.approx(3.0)

@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 import ampi
@@ -51,6 +52,10 @@ def wait_for(driver: Any, flag: str) -> None:
 
 def number(driver: Any, name: str) -> float:
     return float(driver.find_element("id", name).text.replace("−", "-"))
+
+
+def page_text(driver: Any, place: str) -> str:
+    return str(driver.find_element("css selector", place).text)
 
 
 def press(driver: Any, name: str, key: str, times: int) -> None:
@@ -113,6 +118,54 @@ def test_a_flight_of_the_cloud_shows_itself(drawn: Any) -> None:
     own = drawn.execute_script("return DATA.shown.flights.campaigns[0]")
     assert told == [own["parameters"][0], own["world"][0]]
     assert drawn.find_element("id", "value-density").text.startswith(f"{own['world'][0][0]:.3f}")
+
+
+def test_keys_go_through_the_cloud_and_out_of_it(drawn: Any) -> None:
+    """End is the flight that missed by most; Escape lets go of it."""
+    from selenium.webdriver import Keys
+
+    cloud = drawn.find_element("css selector", "svg[tabindex='0']")
+    drawn.execute_script("document.body.dataset.corrected = ''")
+    cloud.send_keys(Keys.END)
+    wait_for(drawn, "corrected")
+    miss = drawn.execute_script("return DATA.shown.flights.campaigns[0].miss")
+    assert drawn.execute_script("return page.ends.chosen") == int(
+        np.nanargmax(np.array(miss, float))
+    )
+    assert f"missed by {max(filter(None, miss))} km" in page_text(drawn, "figure.tall")
+    cloud.send_keys(Keys.ESCAPE)
+    assert not cloud.find_elements("css selector", ".chosen")
+
+
+def test_the_cell_stands_under_its_slider(drawn: Any) -> None:
+    from selenium.webdriver import Keys
+
+    own, slider = (drawn.find_element("css selector", f"#entry .slider {s}") for s in ("", "input"))
+    points = drawn.execute_script("return DATA.shown.parameters[0].points")
+    press(drawn, slider.get_attribute("id"), Keys.ARROW_LEFT, 5)
+    assert [float(own.get_attribute(f"data-{end}")) for end in ("low", "high")] == points[:2]
+    assert own.get_attribute("data-clipped") == "false"
+    press(drawn, slider.get_attribute("id"), Keys.ARROW_LEFT, 20)
+    assert own.get_attribute("data-clipped") == "true"
+    assert "outside" in own.get_attribute("class")
+
+
+def test_differences_are_from_the_reference_that_is_chosen(drawn: Any) -> None:
+    """One line for each other mode; the pointer reads one value of each."""
+    from selenium.webdriver import ActionChains
+    from selenium.webdriver.support.select import Select
+
+    figure = drawn.execute_script("return page.planned.chart.own")
+    for base in ("ampi", "nominal"):
+        Select(figure.find_element("css selector", "select")).select_by_value(base)
+        drawn.execute_async_script("requestAnimationFrame(() => setTimeout(arguments[0], 50))")
+        colours = [
+            line.get_attribute("style") for line in figure.find_elements("css selector", ".line")
+        ]
+        assert len(colours) == 3
+        assert not any(f"--{base})" in colour for colour in colours)
+    ActionChains(drawn).move_to_element(figure.find_element("css selector", "svg")).perform()
+    assert len(figure.find_elements("css selector", ".dot")) == 3
 
 
 @pytest.mark.parametrize("width", [400, 1300])

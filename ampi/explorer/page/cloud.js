@@ -44,7 +44,8 @@ const Cloud = (() => {
       if (wanted === "rings") return ROOM * radii.at(-1);
       const cloud = (own?.ellipses ?? []).flatMap((one) => one.outline.map(([x, y]) => Math.hypot(...this.place(x, y))));
       const flown = wanted === "all" ? ends.map(({ at }) => Math.hypot(...at)) : [];
-      return ROOM * Math.max(LEAST, ...cloud, ...flown.filter((away) => away < 8 * radii.at(-1)));
+      const least = own ? LEAST : radii[0];
+      return ROOM * Math.max(least, ...cloud, ...flown.filter((away) => away < 8 * radii.at(-1)));
     }
 
     /* ends: [{longitude, latitude, colour}] of what is flown now. */

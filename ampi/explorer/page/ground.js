@@ -76,15 +76,18 @@ const Ground = (() => {
     graticule(plot, line, width) {
       const { west, east, south, north } = this.engine.window, few = width < 500 ? 4 : 7;
       const across = ticks(west, east, few), up = ticks(south, north, few - 1);
+      let last = -Infinity;
       for (const x of across.values) {
         element(plot, "path", { class: "grid", d: line(along([x, south], [x, north])) });
         const [px, py] = this.point(x, south);
-        if (px > 20 && px < width - 20) element(plot, "text", { x: px, y: py + 16, "text-anchor": "middle" }, meridian(x, across.step));
+        if (south === -90 || px < 20 || px > width - 20 || Math.abs(px - last) < 48) continue;
+        last = px;
+        element(plot, "text", { x: px, y: py + 16, "text-anchor": "middle" }, meridian(x, across.step));
       }
       for (const y of up.values) {
         element(plot, "path", { class: "grid", d: line(along([west, y], [east, y])) });
         const [px, py] = this.point(west, y);
-        element(plot, "text", { class: "halo", x: px + 7, y: py - 4 }, parallel(y, up.step));
+        if (py > 16 && Math.abs(y) < 90) element(plot, "text", { class: "halo", x: px + 7, y: py - 4 }, parallel(y, up.step));
       }
     }
 

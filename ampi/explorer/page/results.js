@@ -29,7 +29,7 @@ const Results = (() => {
     }
 
     tell({ name, miss, along, across, altitude, seconds, arrives, use }) {
-      const put = (cell, text) => { byId(`${cell}-${name}`).textContent = text.replace("-", "−"); };
+      const put = (cell, text) => { byId(`${cell}-${name}`).textContent = text.replace(/^-(?=0(\.0*)?$)/, "").replace("-", "−"); };
       const [limit, peak] = Object.entries(use).reduce((most, own) => (own[1] > most[1] ? own : most));
       put("miss", arrives ? miss.toFixed(2) : "short");
       put("along", arrives ? along.toFixed(2) : "");
