@@ -49,7 +49,7 @@ MODES = {
 OUTSIDE = 0.2  # of an axis' range, that sliders go beyond it
 ROOM = 0.15  # of the map's window around all tracks
 ENGINE = ("table.js", "flight.js", "engine.js")
-VIEW = ("chart.js", "ground.js", "cloud.js", "controls.js", "page.js")
+VIEW = ("chart.js", "ground.js", "controls.js", "cloud.js", "results.js", "page.js")
 
 
 def explore(dataset: TrajectoryDataset, campaigns: Mapping[str, Flights] | None = None) -> str:

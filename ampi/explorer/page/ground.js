@@ -20,6 +20,24 @@ const Ground = (() => {
       from[0] + k / count * (to[0] - from[0]), from[1] + k / count * (to[1] - from[1])]);
   }
 
+  /* A ring whose edges are no longer than a degree: where the window cuts it they are parallels. */
+  function dense(ring) {
+    return ring.flatMap((point, k) => {
+      const before = ring.at(k - 1), count = Math.ceil(Math.max(Math.abs(point[0] - before[0]), Math.abs(point[1] - before[1])));
+      return count > 1 ? along(before, point, count).slice(1) : [point];
+    });
+  }
+
+  /* Degrees with their side, on the turn that globes have. */
+  function meridian(value, step) {
+    const own = ((value + 540) % 360 + 360) % 360 - 180;
+    return `${written(Math.abs(own), step)}°${own === 0 || Math.abs(own) === 180 ? "" : own < 0 ? " W" : " E"}`;
+  }
+
+  function parallel(value, step) {
+    return `${written(Math.abs(value), step)}°${value === 0 ? "" : value < 0 ? " S" : " N"}`;
+  }
+
   class Track {
     constructor(host, engine) {
       Object.assign(this, figure(host, "Ground track", "Coast lines: Natural Earth, public domain."));
@@ -46,44 +64,56 @@ const Ground = (() => {
       const line = (points) => points.map(([x, y], k) => `${k ? "L" : "M"}${this.point(x, y).map((v) => v.toFixed(1)).join(" ")}`).join("");
       const plot = document.createDocumentFragment();
       element(plot, "path", { class: "sea", d: `${line(edge)}Z` });
-      for (const ring of this.engine.coast) element(plot, "path", { class: "land", d: `${line(ring)}Z` });
-      this.graticule(plot, line);
+      for (const ring of this.engine.coast) element(plot, "path", { class: "land", d: `${line(dense(ring))}Z` });
+      this.graticule(plot, line, width);
       element(plot, "path", { class: "axis", d: `${line(edge)}Z` });
       this.moving = element(plot, "g");
+      this.perKilometre = 1e3 * scale / this.engine.data.radius;
       this.svg.setAttribute("viewBox", `-2 -2 ${width + 4} ${scale * (y1 - y0) + 24}`);
       this.svg.replaceChildren(plot);
     }
 
-    graticule(plot, line) {
-      const { west, east, south, north } = this.engine.window;
-      for (const x of ticks(west, east, 7).values) {
+    graticule(plot, line, width) {
+      const { west, east, south, north } = this.engine.window, few = width < 500 ? 4 : 7;
+      const across = ticks(west, east, few), up = ticks(south, north, few - 1);
+      for (const x of across.values) {
         element(plot, "path", { class: "grid", d: line(along([x, south], [x, north])) });
         const [px, py] = this.point(x, south);
-        element(plot, "text", { x: px, y: py + 16, "text-anchor": "middle" }, `${Math.abs(x)}° ${x < 0 ? "W" : "E"}`);
+        if (px > 20 && px < width - 20) element(plot, "text", { x: px, y: py + 16, "text-anchor": "middle" }, meridian(x, across.step));
       }
-      for (const y of ticks(south, north, 5).values) {
+      for (const y of up.values) {
         element(plot, "path", { class: "grid", d: line(along([west, y], [east, y])) });
         const [px, py] = this.point(west, y);
-        element(plot, "text", { x: px + 6, y: py - 4 }, `${Math.abs(y)}° ${y < 0 ? "S" : "N"}`);
+        element(plot, "text", { class: "halo", x: px + 7, y: py - 4 }, parallel(y, up.step));
       }
     }
 
-    /* tracks: [{longitude, latitude, colour}]. */
+    /* tracks: [{longitude, latitude, colour, dashed}]. */
     draw(tracks) {
       if (!this.moving) this.lay();
       const plot = document.createDocumentFragment(), { target } = this.engine;
-      for (const { longitude, latitude, colour } of tracks) {
+      for (const { longitude, latitude, colour, dashed } of tracks) {
         let text = "";
-        for (let k = 0; k < longitude.length; k += 2) {
-          const [x, y] = this.point(longitude[k], latitude[k]);
-          text += `${text ? "L" : "M"}${x.toFixed(1)} ${y.toFixed(1)}`;
-        }
-        element(plot, "path", { class: "line", style: `--own: var(--${colour})`, d: text });
+        for (let k = 0; k < longitude.length; k += 2) text += this.step(longitude[k], latitude[k], text);
+        text += this.step(longitude.at(-1), latitude.at(-1), text);
+        element(plot, "path", { class: dashed ? "line dashed" : "line", style: `--own: var(--${colour})`, d: text });
       }
       const [x, y] = this.point(target.longitude, target.latitude);
+      element(plot, "circle", { class: "ring", cx: x, cy: y, r: target.radii.at(-1) * this.perKilometre });
       element(plot, "path", { class: "target", d: `M${x - 6} ${y}h12M${x} ${y - 6}v12` });
-      element(plot, "text", { class: "label", x: x + 9, y: y - 7 }, "target");
+      this.name(plot, "target", [x, y]);
+      if (tracks.length) this.name(plot, "entry", this.point(tracks[0].longitude[0], tracks[0].latitude[0]));
       this.moving.replaceChildren(plot);
+    }
+
+    step(longitude, latitude, before) {
+      const [x, y] = this.point(longitude, latitude);
+      return `${before ? "L" : "M"}${x.toFixed(1)} ${y.toFixed(1)}`;
+    }
+
+    /* A word above a point, or below it near the upper edge. */
+    name(plot, text, [x, y]) {
+      element(plot, "text", { class: "label halo", x, y: y > 30 ? y - 14 : y + 22, "text-anchor": "middle" }, text);
     }
   }
 
@@ -96,5 +126,5 @@ const Ground = (() => {
     };
   }
 
-  return { Track, local, written };
+  return { Track, local };
 })();

@@ -3,8 +3,9 @@
 /* The page: sliders move, references and flights follow at once, the corrected flight when they rest. */
 (async () => {
   const REST = 250, DIFFERENCES = { altitude: ["altitude", "m", 1e3], speed: ["speed", "m/s", 1], bank: ["bank angle", "deg", 1] };
-  const LOADS = ["ampi", "mpi", "quadratic", "nominal", "corrected"]; // colours of what has no mode
+  const LOADS = 5; // colours of what has no mode
   const byId = (id) => document.getElementById(id);
+  const few = (list) => list.filter((_, k) => k % 2 === 0);
 
   class Page {
     constructor(engine) {
@@ -12,45 +13,32 @@
       const moved = () => this.request();
       this.entry = new Controls.Group(byId("entry"), engine.parameters, byId("reset-entry"), moved);
       this.world = new Controls.Group(byId("world"), engine.world, byId("reset-world"), moved);
-      this.rows();
+      const corrected = engine.data.model ? [{ name: "corrected", label: "corrected in flight" }] : [];
+      this.modes = engine.modes.map((own) => ({ ...own, dashed: own.name === "quadratic" })); // lies on AMPI
+      this.results = new Results.Table([...this.modes, ...corrected]);
+      Results.target(engine);
+      Results.leftOut(engine.left_out);
       this.charts(byId("charts"));
-      byId("foot").replaceChildren(...engine.left_out.map((text) => {
-        const line = document.createElement("p");
-        line.textContent = `Left out: ${text}.`;
-        return line;
-      }));
       new ResizeObserver(() => { this.track.moving = null; this.request(); }).observe(byId("charts"));
     }
 
-    rows() {
-      const corrected = { name: "corrected", label: "corrected in flight" };
-      const plans = [...this.engine.modes, ...(this.engine.data.model ? [corrected] : [])];
-      byId("flown").tBodies[0].replaceChildren(...plans.map(({ name, label }) => {
-        const row = document.createElement("tr");
-        row.id = `flown-${name}`;
-        row.style.setProperty("--own", `var(--${name})`);
-        row.innerHTML = `<th scope="row"></th>${["miss", "along", "across", "altitude", "time", "use"].map((cell) => `<td id="${cell}-${name}"></td>`).join("")}`;
-        row.cells[0].textContent = label;
-        return row;
-      }));
-    }
-
     charts(host) {
-      const chart = (options) => new Chart.Lines(host, options);
-      this.quantity = document.createElement("select");
-      this.quantity.setAttribute("aria-label", "difference of");
-      Object.entries(DIFFERENCES).forEach(([key, [label]]) => this.quantity.append(new Option(label, key)));
-      this.quantity.onchange = () => this.request();
-      this.altitudeOverSpeed = chart({ heading: "Altitude over speed", x: "speed (km/s)", y: "altitude (km)" });
-      this.altitudeOverTime = chart({ heading: "Altitude over time", x: "time (s)", y: "altitude (km)" });
-      this.bank = chart({ heading: "Bank angle", x: "time (s)", y: "bank angle (deg)" });
-      this.loads = chart({ heading: "Loads of AMPI's reference, of their limits", x: "time (s)", y: "share of the limit" });
-      this.differences = chart({ heading: "References less AMPI's", x: "time (s)", y: "", extra: this.quantity });
+      const chart = (options) => new Chart.Lines(host, { x: "time (s)", ...options }), moved = () => this.request();
+      const quantities = () => Controls.choice("difference in", Object.entries(DIFFERENCES).map(([key, [label]]) => [key, label]), moved);
+      const [flown, planned] = [quantities(), quantities()];
+      this.base = Controls.choice("difference from", this.modes.map(({ name, label }) => [name, label]), moved);
+      this.base.value = "ampi";
+      this.altitudeOverSpeed = chart({ heading: "Altitude over speed", x: "speed (km/s)", y: "altitude (km)", read: false });
+      this.altitudeOverTime = chart({ heading: "Altitude over time", y: "altitude (km)" });
+      this.bank = chart({ heading: "Bank angle", y: "bank angle (deg)" });
+      this.loads = chart({ heading: "Loads of AMPI's reference", y: "share of the limit" });
+      this.planned = { quantity: planned, chart: chart({ heading: "References less", y: "", extra: [this.base, "in", planned] }) };
       this.ends = new Cloud.Ends(host, this.engine, (p, world) => {
         this.entry.values = p;
         this.world.values = world;
         this.request();
       });
+      this.departures = { quantity: flown, chart: chart({ heading: "Flights less their references in", y: "", extra: [flown] }) };
       this.track = new Ground.Track(host, this.engine);
     }
 
@@ -63,7 +51,8 @@
     update() {
       const begun = performance.now(), p = this.entry.values, world = this.world.values;
       const found = this.engine.references(p);
-      this.tellCell(found);
+      Results.cells(found, this.entry.sliders, this.engine.parameters.map(({ label }) => label));
+      this.references = found.modes;
       this.drawReferences(found.modes);
       const drawn = performance.now();
       clearTimeout(this.resting);
@@ -73,77 +62,56 @@
 
     updateFlights(p, world, milliseconds) {
       const begun = performance.now();
-      this.flown = this.engine.modes.map(({ name }) => ({ name, ...this.engine.fly(p, world, name) }));
-      this.flown.forEach((flight) => this.tell(flight));
+      this.flown = this.modes.map((own) => ({ ...own, ...this.engine.fly(p, world, own.name) }));
+      this.flown.forEach((flight) => this.results.tell(flight));
       this.drawFlights();
-      this.tellAgreement(this.engine.compared(p));
+      Results.agreement(this.engine.compared(p));
       const flights = performance.now() - begun;
       byId("timing").textContent = `references ${milliseconds.toFixed(1)} ms, flights ${flights.toFixed(1)} ms`;
       Object.assign(document.body.dataset, { updateMs: milliseconds.toFixed(2), flightsMs: flights.toFixed(2), ready: "1", corrected: "" });
       if (this.engine.data.model) {
-        byId("miss-corrected").textContent = "…";
+        this.results.wait("corrected");
         this.resting = setTimeout(() => this.correct(p, world), REST);
       }
     }
 
     correct(p, world) {
       this.corrected = { name: "corrected", ...this.engine.correct(p, world) };
-      this.tell(this.corrected);
+      this.results.tell(this.corrected);
       this.drawFlights();
       document.body.dataset.corrected = "1";
     }
 
-    tell({ name, miss, along, across, altitude, seconds, arrives, use }) {
-      const put = (cell, text) => { byId(`${cell}-${name}`).textContent = text.replace("-", "−"); };
-      const [limit, peak] = Object.entries(use).reduce((most, own) => (own[1] > most[1] ? own : most));
-      put("miss", arrives ? miss.toFixed(2) : "does not arrive");
-      put("along", arrives ? along.toFixed(2) : "");
-      put("across", arrives ? across.toFixed(2) : "");
-      put("altitude", arrives ? altitude.toFixed(0) : "");
-      put("time", seconds.toFixed(0));
-      put("use", `${limit.replace(/_/g, " ")} ${peak.toFixed(2)}`);
-      byId(`use-${name}`).classList.toggle("over", peak > 1.001);
-    }
-
-    tellCell({ cell, clipped }) {
-      const outside = cell.filter((own) => own.clipped).map(({ name }) => name.replace(/_/g, " "));
-      this.entry.sliders.forEach((slider, k) => slider.own.classList.toggle("outside", cell[k].clipped));
-      const text = clipped ? `Outside the hypercube in ${outside.join(", ")}: the reference is that of its boundary.` : "Inside the hypercube.";
-      byId("cell").textContent = text;
-    }
-
-    tellAgreement({ ok, text, hole, largest }) {
-      const badge = byId("agreement");
-      badge.textContent = hole ? `${text}; a case beside this entry has no optimum` : text;
-      badge.classList.toggle("bad", !ok || hole);
-      badge.dataset.largest = largest;
-    }
-
     drawReferences(modes) {
-      const names = this.engine.modes.map(({ name }) => name), few = (list) => list.filter((_, k) => k % 2 === 0);
-      const shown = names.map((name) => ({ colour: name, time: few(modes[name].time), own: modes[name] }));
-      const lines = (x, y) => shown.map(({ colour, time, own }) => ({ colour, x: x ? x(own) : time, y: few(y(own)) }));
-      this.altitudeOverSpeed.draw(lines((own) => few(own.speed).map((v) => v / 1e3), (own) => own.altitude));
-      this.altitudeOverTime.draw(lines(null, (own) => own.altitude));
-      this.bank.draw(lines(null, (own) => own.bank));
+      const shown = this.modes.map(({ name, dashed }) => ({ colour: name, dashed, time: few(modes[name].time), own: modes[name] }));
+      const lines = (row) => shown.map(({ colour, dashed, time, own }) => ({ colour, dashed, x: time, y: few(own[row]) }));
+      const altitudes = lines("altitude");
+      this.altitudeOverSpeed.draw(altitudes.map((line, k) => ({ ...line, x: few(shown[k].own.speed).map((v) => v / 1e3) })));
+      this.altitudeOverTime.draw(altitudes);
+      this.bank.draw(lines("bank"));
       const { ampi } = modes, loads = this.engine.limits.filter(({ name }) => name !== "bank_rate");
-      this.loads.draw(loads.map(({ name, label }, k) => ({ colour: LOADS[k % 5], label, x: few(ampi.time), y: few(ampi.use[name]) })),
-        { limits: [{ y: 1, label: "limit" }] });
-      this.drawDifferences(modes, few(ampi.time));
-      this.tracks = shown.map(({ colour, own }) => ({ colour, longitude: own.longitude, latitude: own.latitude }));
+      this.loads.draw(loads.map(({ name, label }, k) => ({ colour: `load-${k % LOADS}`, x: few(ampi.time), y: few(ampi.use[name]),
+        label: `${label} ${ampi.use[name].reduce((most, own) => Math.max(most, own), 0).toFixed(2)}` })),
+      { limits: [{ y: 1, label: "limit" }] });
+      const base = this.base.value, from = modes[base];
+      this.drawDifferences(this.planned, shown.filter(({ colour }) => colour !== base).map((line) => ({ ...line, time: few(from.time), from })));
     }
 
-    drawDifferences(modes, time) {
-      const key = this.quantity.value, [, unit, factor] = DIFFERENCES[key];
-      this.differences.y = `${DIFFERENCES[key][0]} difference (${unit})`;
-      this.differences.draw(this.engine.modes.map(({ name }) => ({ colour: name, x: time,
-        y: time.map((t) => factor * (this.engine.at(modes[name], t, key) - this.engine.at(modes.ampi, t, key))) })));
+    /* lines: [{colour, dashed, time, own, from}], own less from at the times. */
+    drawDifferences({ quantity, chart }, lines) {
+      const row = quantity.value, [label, unit, factor] = DIFFERENCES[row];
+      chart.y = `${label} difference (${unit})`;
+      chart.draw(lines.map(({ colour, dashed, time, own, from }) => ({ colour, dashed, x: time,
+        y: time.map((t) => factor * (this.engine.at(own, t, row) - this.engine.at(from, t, row))) })), { zero: true });
     }
 
     drawFlights() {
       const flown = [...this.flown, ...(this.corrected ? [this.corrected] : [])];
-      this.ends.draw(flown.map(({ name, track }) => ({ colour: name, longitude: track.longitude.at(-1), latitude: track.latitude.at(-1) })));
-      this.track.draw(flown.map(({ name, track }) => ({ colour: name, ...track })));
+      const tracks = flown.map(({ name, dashed, track }) => ({ colour: name, dashed, ...track }));
+      this.drawDifferences(this.departures, flown.map(({ name, dashed, track }) => (
+        { colour: name, dashed, time: few(track.time), own: track, from: this.references[name] ?? this.references.ampi })));
+      this.ends.draw(tracks.map(({ colour, longitude, latitude }) => ({ colour, longitude: longitude.at(-1), latitude: latitude.at(-1) })));
+      this.track.draw(tracks);
     }
   }
 
