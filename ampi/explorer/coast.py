@@ -78,7 +78,7 @@ def _rings() -> tuple[Array, ...]:
 
 
 def _on_one_turn(ring: Array) -> Array:
-    """Without the jump at 180°, the first point not repeated; a ring around the pole is closed along it."""
+    """Without the jump at 180° and the repeated point; a ring around the pole is closed along it."""
     ring[:, 0] = np.unwrap(ring[:, 0], period=360.0)
     if abs(ring[-1, 0] - ring[0, 0]) < 180.0:
         return ring[:-1]

@@ -67,8 +67,8 @@ def _campaign(
         "correction": flights.correction,
         "world_name": flights.world,
         "n": len(flights.miss),
-        "longitude": _rounded(np.degrees(flights.final_states[few, LONGITUDE]), 4),
-        "latitude": _rounded(np.degrees(flights.final_states[few, LATITUDE]), 4),
+        "longitude": _rounded(np.degrees(flights.final_states[few, LONGITUDE]), 5),
+        "latitude": _rounded(np.degrees(flights.final_states[few, LATITUDE]), 5),
         "miss": _rounded(flights.miss[few] / 1e3, 3),
         "altitude": _rounded(flights.altitude_error[few], 1),
         "arrives": flights.reached[few].tolist(),
@@ -78,7 +78,7 @@ def _campaign(
             {
                 "share": 0.95,
                 "kind": kind,
-                "outline": _rounded(np.degrees(np.stack(one.on_map(place, OUTLINE), axis=1)), 4),
+                "outline": _rounded(np.degrees(np.stack(one.on_map(place, OUTLINE), axis=1)), 6),
             }
             for kind, one in pairs
             if one is not None
