@@ -19,11 +19,11 @@
       Results.target(engine);
       Results.leftOut(engine.left_out);
       this.charts(byId("charts"));
-      new ResizeObserver(() => { this.track.moving = null; this.request(); }).observe(byId("charts"));
+      new ResizeObserver(() => { this.track.moving = null; this.redraw(); }).observe(byId("charts"));
     }
 
     charts(host) {
-      const chart = (options) => new Chart.Lines(host, { x: "time (s)", ...options }), moved = () => this.request();
+      const chart = (options) => new Chart.Lines(host, { x: "time (s)", ...options }), moved = () => this.redraw();
       const quantities = () => Controls.choice("difference in", Object.entries(DIFFERENCES).map(([key, [label]]) => [key, label]), moved);
       const [flown, planned] = [quantities(), quantities()];
       this.base = Controls.choice("difference from", this.modes.map(({ name, label }) => [name, label]), moved);
@@ -48,16 +48,27 @@
       this.asked = requestAnimationFrame(() => { this.asked = 0; this.update(); });
     }
 
+    /* All of it, though the entry be the same. */
+    redraw() {
+      this.told = null;
+      this.request();
+    }
+
     update() {
       const begun = performance.now(), p = this.entry.values, world = this.world.values;
-      const found = this.engine.references(p);
-      Results.cells(found, this.entry.sliders, this.engine.parameters.map(({ label }) => label));
-      this.references = found.modes;
-      this.drawReferences(found.modes);
+      if (this.told !== p.join()) this.refer(p); // another world leaves references as they are
       const drawn = performance.now();
       clearTimeout(this.resting);
       this.corrected = null;
       requestAnimationFrame(() => this.updateFlights(p, world, drawn - begun));
+    }
+
+    refer(p) {
+      this.told = p.join();
+      const found = this.engine.references(p);
+      Results.cells(found, this.entry.sliders, this.engine.parameters.map(({ label }) => label));
+      this.references = found.modes;
+      this.drawReferences(found.modes);
     }
 
     updateFlights(p, world, milliseconds) {
