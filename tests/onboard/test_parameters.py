@@ -8,7 +8,7 @@ from decimal import Decimal
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
@@ -143,6 +143,9 @@ def test_whole_turns_of_an_azimuth_do_not_matter(
     axis = placed.axes[1]
     here = float(axis[0] + share * (axis[-1] - axis[0]))
     expected = made(placed, [4700.0, here, 1.02], mode).copy()
+    assume(
+        min(abs(share - 1.2), abs(share + 0.2)) > 1e-9
+    )  # a turn rounds: far outside, or just not
     got = made(placed, [4700.0, here + turns * TURN, 1.02], mode)
     assert rows(got) == pytest.approx(rows(expected), rel=1e-10, abs=1e-10)
     assert got.excess == pytest.approx(expected.excess, abs=1e-11)
