@@ -91,16 +91,18 @@ def explore(dataset: TrajectoryDataset, campaigns: Mapping[str, Flights] | None 
 
 
 def _assembled(title: str, data: Mapping[str, Any], physics: str) -> str:
+    # no text of a mission or a campaign ends the script that it stands in
+    numbers = json.dumps(data, separators=(",", ":")).replace("<", "\\u003c")
     parts = {
         "{{title}}": escape(title),
         "/*STYLE*/": _text("style.css"),
-        "/*DATA*/": f"const DATA = {json.dumps(data, separators=(',', ':'))};",
+        "/*DATA*/": f"const DATA = {numbers};",
         "/*ENGINE*/": physics + "\n".join(map(_text, ENGINE)),
         "/*VIEW*/": "\n".join(map(_text, VIEW)),
     }
     page = _text("page.html")
     for mark, content in parts.items():
-        page = page.replace(mark, content.replace("</script", "<\\/script"))
+        page = page.replace(mark, content)
     return page
 
 

@@ -9,7 +9,7 @@ The numbers of the mission, its entry state and its target follow the parameters
 
     n(p) = n_0 + G (p − p_0),                                                                      (1)
 
-which holds for every number of a mission file; where it does not, the page says that it does not fly.
+which holds for every number of a mission file; a model in which it does not is refused.
 """
 
 from __future__ import annotations

@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import re
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -190,6 +191,14 @@ def test_it_holds_all_that_it_needs_and_prints(drawn: Any, page: Path) -> None:
     printed = drawn.execute_cdp_cmd("Page.printToPDF", A4)
     sheets = len(re.findall(rb"/Type */Page\b", base64.b64decode(printed["data"])))
     assert sheets <= 3  # two, with the fonts that it was drawn for
+
+
+def test_no_title_ends_the_script_that_it_stands_in(small_database: Path) -> None:
+    dataset = read_dataset(small_database)
+    mission = dataset.mission.model_copy(update={"title": "</script><!-- <script> & Co"})
+    text = explore(replace(dataset, mission=mission))
+    assert text.count("</script>") == text.count("<script>") == 3
+    assert "<!--" not in text
 
 
 def test_the_command_writes_it_and_refuses_flights_of_another_mission(
