@@ -66,6 +66,14 @@ def gauss_newton(
     return np.concatenate([on_rates, share[:, :1] * free, share * free], axis=1)
 
 
+def hold_given_angles(hessian: Array, problem: OptimalControlProblem) -> None:
+    """Add to H (c, n_z, n_z): δy₀ of an angle that is given moves nothing, and is to be zero."""
+    m = problem.n_controls
+    for k, angle in enumerate(problem.angles):
+        if angle.entry is not None:
+            hessian[:, k - m, k - m] += 1.0
+
+
 @dataclass(frozen=True, eq=False)
 class Curvature:
     """∇²L without the terms in û; t_f is the scaled one.

@@ -3,8 +3,8 @@
     lower ≤ value + row·z ≤ upper                                                (1)
 
 in the order rates at the nodes (the controls of a node side by side), each steered angle at the nodes,
-each between them, each path limit at the nodes, target rows that are ranges. Rows of matrices are made of those alone that are held; where a
-step leads all others follows from the change of the states.
+each between them, each path limit at the nodes, target rows that are ranges. Rows of matrices are made of
+those alone that are held; where a step leads all others follows from the change of the states.
 """
 
 from __future__ import annotations
@@ -72,7 +72,7 @@ class LimitRows:
         )
 
     def value(self, target: Target, x: Array, rate: Array, path: Array) -> Array:
-        """Values (k, rows) at states (s, k, n), û (k, n m) and g (limits, k, n); `target` of those cases."""
+        """Values (k, rows) at states (s, k, n), û (k, n m), g (limits, k, n); `target` of the cases."""
         final = target.error(x[:, :, -1].T)[:, target.ranged]
         by_limit = path.transpose(1, 0, 2).reshape(x.shape[1], -1)
         return np.concatenate([rate, *self._of_angles(x), by_limit, final], axis=1)

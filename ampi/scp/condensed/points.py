@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from ampi.physics.state import BANK
 from ampi.scp.condensed.condensing import Cases, CondensedDynamics, NodeDerivatives, condense
-from ampi.scp.condensed.cost import smooth_cost, terminal_cost
+from ampi.scp.condensed.cost import Terminal, smooth_cost, terminal_cost
 from ampi.scp.condensed.transcription import RadauTranscription, by_control, radau_transcription
 from ampi.scp.guess import NodalGuess
 from ampi.scp.problem.scaled_problem import OptimalControlProblem, by_case
@@ -141,6 +141,16 @@ class Points:
         self.final_time[cases] += z[:, column] * self.problem.scaling.final_time
         return np.maximum(np.abs(change[BANK:]).max(axis=(0, 2)), np.abs(z[:, column]))
 
+    def nothing_changed(self) -> Array:
+        """No gradient over the states after the first node, (c, n − 1, s)."""
+        s, cases, n = self.x.shape
+        return np.zeros((cases, n - 1, s))
+
+    def terminal(self, cases: Cases) -> Terminal | None:
+        """m(x_f) and its derivatives, if the objective has it."""
+        final, problem = self.x[:, cases, -1], self.problem.at(cases)
+        return terminal_cost(problem, final, one_by_one=self.one_by_one)
+
     def cost(self, cases: Cases) -> Array:
         """In the mission's units, (k,)."""
         problem = self.problem.at(cases)
@@ -150,7 +160,7 @@ class Points:
         )
         error = problem.target.error(self.x[:, cases, -1].T)
         total = total + problem.target.quadratic(error)
-        terminal = terminal_cost(problem, self.x[:, cases, -1], one_by_one=self.one_by_one)
+        terminal = self.terminal(cases)
         if terminal is not None:
             total = total + terminal.value
         return np.asarray(total * by_case(problem.objective.cost_scale)[:, 0])

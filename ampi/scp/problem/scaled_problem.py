@@ -48,7 +48,15 @@ def by_case(value: Any) -> Array:
 class Scaling:
     """x = states · x̂, angles as they are; the bank rate is measured in its limit."""
 
-    states: tuple[float, ...] = (1e4, 1.0, 1.0, 1e3, 1.0, 1.0, 1.0)  # m, rad, m/s; angles after them: 1
+    states: tuple[float, ...] = (
+        1e4,
+        1.0,
+        1.0,
+        1e3,
+        1.0,
+        1.0,
+        1.0,
+    )  # m, rad, m/s; angles after them: 1
     final_time: float = 100.0  # s per unit of δt_f in the subproblem
 
     def of_states(self, count: int) -> Scaling:
@@ -143,7 +151,9 @@ def _terminal(numbers: ProblemNumbers, cost_scale: Any) -> TerminalCost | None:
         return None
     given, entry = numbers.section("objective"), numbers.section("entry")
     start = (entry(name) for name in ("longitude", "latitude", "azimuth"))
-    return TerminalCost(given("final_speed") / cost_scale, given("cross_range") * 1e-3 / cost_scale, *start)
+    return TerminalCost(
+        given("final_speed") / cost_scale, given("cross_range") * 1e-3 / cost_scale, *start
+    )
 
 
 def _beside(value: Any) -> Any:

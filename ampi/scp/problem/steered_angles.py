@@ -59,9 +59,7 @@ class SteeredAngle:
 
     def at(self, cases: Any) -> Self:
         """That of some cases of a family."""
-        return type(self)(
-            self.state, *(n[cases] if np.ndim(n) == 1 else n for n in self.numbers)
-        )
+        return type(self)(self.state, *(n[cases] if np.ndim(n) == 1 else n for n in self.numbers))
 
 
 def steered_angles(numbers: ProblemNumbers) -> tuple[SteeredAngle, ...]:
