@@ -125,7 +125,7 @@ CONTROLS = {
 TARGETS = {
     "a number outside its range": (
         {"altitude_range_km": [10.0, 20.0]},
-        "altitude: expected a number in altitude_range, got one outside",
+        "altitude: expected a number in altitude_range, 10 km to 20 km, got 24.384 km",
     ),
     "ends that cross": (
         {"speed_range_m_per_s": [800.0, 700.0]},
