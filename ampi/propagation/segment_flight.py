@@ -29,6 +29,7 @@ class SegmentFlight:
     def bank_rate(self) -> Array:
         """(c, k), rad/s."""
         return self.rates[0]
+
     at_nodes: NDArray[np.intp]  # which points are the segment's nodes
 
 
@@ -87,7 +88,10 @@ def fly_segment(
         where = "under the ground" if flight.stop is ground else "on a vertical path"
         raise IntegrationError(f"the flight ends {where}")
     flown = flight.points.reshape(BANK, cases, len(tau)).transpose(1, 0, 2)
-    matrix, slopes = interpolation_matrix(rule.nodes, rule.barycentric, tau), rule.derivative_at(tau)
+    matrix, slopes = (
+        interpolation_matrix(rule.nodes, rule.barycentric, tau),
+        rule.derivative_at(tau),
+    )
     along = [(nodal @ matrix.T)[:, None, :] for nodal in angles]
     return SegmentFlight(
         times=start[:, None] + half[:, None] * (1.0 + tau),
