@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ampi.missions.path_limits import PathLimits
-from ampi.onboard.row_layout import LINEAR_TRACKING
 from ampi.physics.state import N_STATES, STATES, STEERED_STATES
 from ampi.pseudospectral.mesh import Mesh
 from ampi.scp.problem.scaled_problem import OptimalControlProblem
+from database.file.block_sensitivities import stored_rows
 from database.file.blocks import Block, block_shape
 from database.file.encoded_block import EncodedBlock
 from database.file.hdf5_file import write_dataset
@@ -83,7 +83,5 @@ def write_database(
 
 def _rows_by_parameter(campaign: Campaign) -> dict[str, NDArray[np.bytes_]]:
     """The scales of what is differentiated, and over what."""
-    steered = campaign.mission.n_states > N_STATES
-    layout = LINEAR_TRACKING.with_angle_of_attack if steered else LINEAR_TRACKING
-    rows = [row.name.encode() for row in layout.rows]
+    rows = [row.name.encode() for row in stored_rows(campaign.mission).rows]
     return {"parameter": np.char.encode(campaign.grid.names), "row": np.array(rows)}
