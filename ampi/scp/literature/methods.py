@@ -140,6 +140,10 @@ def solve_by(
 def _assemble(
     mission: Mission, method: Method, formulation: Formulation, solver: SubproblemSolver
 ) -> Successive:
+    curved, objective = method.curved_states, mission.objective
+    if objective.cross_range or objective.final_speed:
+        # ours: without the curvature, a cost of the final state goes up and down for ever
+        curved = tuple(range(formulation.n_states))
     builder = SubproblemBuilder(
         formulation=formulation,
         trust_region=method.trust_region,
@@ -148,7 +152,7 @@ def _assemble(
         frozen_time=method.own_cost_unit is not None,
         final_bounds=method.final_bounds,
         limit_margin=method.limit_margin,
-        curved_states=method.curved_states,
+        curved_states=curved,
     )
     return Successive(
         builder=builder,
