@@ -254,12 +254,12 @@ class OptimalControlProblem:
         arrays = any(isinstance(number, np.ndarray) for number in numbers)
         return not (arrays or any(p.ndim > 1 for p in (*parts, self.target_tolerance)))
 
-    @property
+    @cached_property
     def n_states(self) -> int:
         """Seven, or eight."""
         return len(self.scaling.states)
 
-    @property
+    @cached_property
     def n_controls(self) -> int:
         """One, or two."""
         return len(self.angles)
