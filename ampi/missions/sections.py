@@ -94,6 +94,11 @@ class ObjectiveSection(Section):
         description="The ḣ that the descent rate is measured from; negative: descending",
     )
 
+    @property
+    def has_terminal(self) -> bool:
+        """Whether it weighs the final state by itself."""
+        return self.cross_range != 0.0 or self.final_speed != 0.0
+
     @model_validator(mode="after")
     def _terms_fit(self) -> ObjectiveSection:
         given = [name for name in TARGET_WEIGHTS if getattr(self, name) is not None]
@@ -123,6 +128,12 @@ class GuessSection(Section):
     """
 
     bank_angle: u.CircularAngle = Field(ge=-TURN, le=TURN, description="Held from entry to target")
+    angle_of_attack: u.Angle | None = Field(
+        default=None,
+        ge=-0.5 * np.pi,
+        le=0.5 * np.pi,
+        description="Held likewise where it is a control; by default in the middle of its bounds",
+    )
     heading_corridor: u.Angle | None = Field(
         default=None,
         gt=0,

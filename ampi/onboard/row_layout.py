@@ -23,8 +23,10 @@ class RowKind(Enum):
     STATE = "state"
     CONTROL = "control"
     GAIN = "gain"  # control per unit of a state
+    ANGLE_GAIN = "angle gain"  # change of the angle of attack per unit of a state
     LOAD = "load"
     MULTIPLIER = "multiplier"  # cost per unit of a final state
+    ANGLE = "angle"  # of attack, where no schedule gives it
 
 
 @dataclass(frozen=True)
@@ -44,20 +46,26 @@ class RowLayout:
     rows: tuple[Row, ...]
     states: slice = field(init=False)
     gains: slice = field(init=False)
+    angle_gains: slice = field(init=False)
     bank_rate: int = field(init=False)
+    angle_of_attack: int | None = field(init=False)  # None: the vehicle follows a schedule
 
     def __post_init__(self) -> None:
         names = [row.name for row in self.rows]
         if len(set(names)) < len(names):
             raise ValueError(f"layout: expected rows of different names, got {', '.join(names)}")
-        for name, kind in (("states", RowKind.STATE), ("gains", RowKind.GAIN)):
+        kinds = {"states": RowKind.STATE, "gains": RowKind.GAIN, "angle_gains": RowKind.ANGLE_GAIN}
+        for name, kind in kinds.items():
             object.__setattr__(self, name, self.of(kind))
         object.__setattr__(self, "bank_rate", self.index("bank_rate"))
-        expected = [f"{row.name}_gain" for row in self.rows[self.states]]
-        if names[self.gains] not in ([], expected):
-            raise ValueError(
-                f"layout: expected the rows {', '.join(expected)}, got {', '.join(names[self.gains])}"
-            )
+        angle = names.index("angle_of_attack") if "angle_of_attack" in names else None
+        object.__setattr__(self, "angle_of_attack", angle)
+        for rows, ending in ((self.gains, "gain"), (self.angle_gains, "angle_gain")):
+            expected = [f"{row.name}_{ending}" for row in self.rows[self.states]]
+            if names[rows] not in ([], expected):
+                raise ValueError(
+                    f"layout: expected the rows {', '.join(expected)}, got {', '.join(names[rows])}"
+                )
 
     def __len__(self) -> int:
         return len(self.rows)
@@ -77,6 +85,13 @@ class RowLayout:
         names = ", ".join(row.name for row in self.rows)
         raise ValueError(f"layout: expected a row called {name}, got {names}")
 
+    @property
+    def with_angle_of_attack(self) -> RowLayout:
+        """The same of a vehicle that steers its angle of attack: the reference's, last of the rows."""
+        return (
+            self if self.angle_of_attack is not None else RowLayout((*self.rows, ANGLE_OF_ATTACK))
+        )
+
     def stacked(self, parts: Mapping[RowKind, Array]) -> Array:
         """Rows (…, r, n) from those of each kind, (…, rows of the kind, n)."""
         kinds = dict.fromkeys(row.kind for row in self.rows)
@@ -84,6 +99,7 @@ class RowLayout:
 
 
 BANK_RATE = Row("bank_rate", "rad/s", RowKind.CONTROL)
+ANGLE_OF_ATTACK = Row("angle_of_attack", "rad", RowKind.ANGLE)
 STATES = (
     Row("altitude", "m", RowKind.STATE),
     Row("longitude", "rad", RowKind.STATE, is_circular=True),
@@ -100,6 +116,13 @@ LINEAR_TRACKING = RowLayout(
         *STATES,
         BANK_RATE,
         *(Row(f"{x.name}_gain", f"{BANK_RATE.unit} per {x.unit}", RowKind.GAIN) for x in STATES),
+    )
+)
+# The same, and the gains of the change of the angle of attack: what a second control is computed by.
+STEERED_TRACKING = RowLayout(
+    (
+        *LINEAR_TRACKING.rows,
+        *(Row(f"{x.name}_angle_gain", f"rad per {x.unit}", RowKind.ANGLE_GAIN) for x in STATES),
     )
 )
 # States, control and what a drag-tracking law must know of the air and the vehicle.

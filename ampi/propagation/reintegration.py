@@ -1,8 +1,9 @@
 """Is a trajectory true? Its bank angle flown again by an independent integrator.
 
 DOP853 (flight_program) integrates the equations of motion from the same entry state under the
-bank-angle polynomial of the optimum, and under that of the angle of attack where it is a state. The states are then compared with the collocated ones, and every
-limit is read between the nodes, where the optimiser has not looked.
+bank-angle polynomial of the optimum, and under that of the angle of attack where it is a state. The
+states are then compared with the collocated ones, and every limit is read between the nodes, where the
+optimiser has not looked.
 
 The tolerance leaves the integrator micrometres off after the ten minutes of SHEFEX-3.
 

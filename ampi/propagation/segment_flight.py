@@ -29,6 +29,7 @@ class SegmentFlight:
     def bank_rate(self) -> Array:
         """(c, k), rad/s."""
         return self.rates[0]
+
     at_nodes: NDArray[np.intp]  # which points are the segment's nodes
 
 
@@ -43,7 +44,8 @@ def fly_segment(
 ) -> SegmentFlight:
     """Fly one segment from `state` (c, 6) under the polynomials through `angles` (m, c, nodes).
 
-    They are the bank angle and, where it is a state, the angle of attack. Its points are the nodes, and others at most `spacing` (s) apart.
+    Bank angles and, where they are a state, angles of attack. Its points are the nodes, and others at
+    most `spacing` (s) apart.
 
     Raises
     ------
@@ -60,8 +62,8 @@ def fly_segment(
     def rates(at: float, flat: Array) -> Array:
         x[:BANK] = flat.reshape(BANK, cases)
         here = interpolation_matrix(rule.nodes, rule.barycentric, [at])[0]
-        for row, nodal in zip(x[BANK:], angles, strict=True):
-            row[:] = nodal @ here
+        for k, nodal in enumerate(angles, BANK):
+            x[k] = nodal @ here
         dx = equations_of_motion(model, x, 0.0, start + half * (1.0 + at))
         found = np.empty((BANK, cases))
         for row, rate in zip(found, dx[:BANK], strict=True):
@@ -74,20 +76,16 @@ def fly_segment(
 
     ground = Stop(lambda at, flat: float(flat[:cases].min()) - GROUND, direction=-1.0)
     upright = Stop(steepest, direction=1.0)
-    flight = integrate(
-        rates,
-        (-1.0, 1.0),
-        state.T.ravel(),
-        accuracy,
-        points=tau,
-        stops=[ground, upright],
-        cases=cases,
-    )
+    begin, stops = state.T.ravel(), [ground, upright]
+    flight = integrate(rates, (-1.0, 1.0), begin, accuracy, points=tau, stops=stops, cases=cases)
     if flight.stop is not None:
         where = "under the ground" if flight.stop is ground else "on a vertical path"
         raise IntegrationError(f"the flight ends {where}")
     flown = flight.points.reshape(BANK, cases, len(tau)).transpose(1, 0, 2)
-    matrix, slopes = interpolation_matrix(rule.nodes, rule.barycentric, tau), rule.derivative_at(tau)
+    matrix, slopes = (
+        interpolation_matrix(rule.nodes, rule.barycentric, tau),
+        rule.derivative_at(tau),
+    )
     along = [(nodal @ matrix.T)[:, None, :] for nodal in angles]
     return SegmentFlight(
         times=start[:, None] + half[:, None] * (1.0 + tau),

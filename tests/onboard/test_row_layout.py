@@ -7,7 +7,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from ampi.onboard.row_layout import LINEAR_TRACKING, N_STATES, Row, RowKind, RowLayout
+from ampi.onboard.row_layout import (
+    DRAG_TRACKING,
+    LINEAR_TRACKING,
+    N_STATES,
+    STEERED_TRACKING,
+    Row,
+    RowKind,
+    RowLayout,
+)
 from ampi.onboard.table import GuidanceTable
 from ampi.physics import state
 
@@ -60,6 +68,19 @@ def test_a_table_may_hold_more_rows(table: GuidanceTable) -> None:
         replace(table, values=wider)
 
 
+def test_a_second_control_adds_rows_behind_those_of_the_first() -> None:
+    assert STEERED_TRACKING.rows[: len(ROWS)] == ROWS
+    assert [row.name for row in STEERED_TRACKING.rows[STEERED_TRACKING.angle_gains]] == [
+        f"{name}_angle_gain" for name in state.STATES
+    ]
+    for layout in (LINEAR_TRACKING, STEERED_TRACKING, DRAG_TRACKING):
+        steered = layout.with_angle_of_attack
+        assert layout.angle_of_attack is None
+        assert steered.angle_of_attack == len(layout)
+        assert steered.rows[:-1] == layout.rows
+        assert steered.with_angle_of_attack is steered
+
+
 # --- refusals -------------------------------------------------------------------------------------
 
 
@@ -69,6 +90,7 @@ def test_a_table_may_hold_more_rows(table: GuidanceTable) -> None:
         ((*ROWS, ROWS[0]), r"expected rows of different names, got altitude"),
         ((ROWS[0], *ROWS[7:], *ROWS[1:7]), r"expected rows of kind state side by side"),
         (ROWS[:-1], r"expected the rows altitude_gain, .*, bank_angle_gain, got altitude_gain"),
+        (STEERED_TRACKING.rows[:-1], r"expected the rows altitude_angle_gain, .*, got altitude"),
         ((*ROWS[:7], *ROWS[8:]), r"expected a row called bank_rate, got altitude"),
     ],
 )

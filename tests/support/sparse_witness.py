@@ -21,7 +21,15 @@ from ampi.physics.state import ENTRY_STATES
 from ampi.pseudospectral.mesh import Mesh
 from ampi.scp.literature.subproblem_builder import MeshIterate
 from tests.support.missions import SCALE
-from tests.support.witness import entry_row, ipopt, numpy_of_symbols, path_limits
+from tests.support.witness import (
+    cross_range,
+    entry_row,
+    ipopt,
+    numpy_of_symbols,
+    path_limits,
+    rate_limits,
+    scale_of,
+)
 
 Array = NDArray[np.float64]
 SECONDS = 100.0
@@ -53,23 +61,12 @@ class Transcription:
     final_bounds: tuple[float, float] = (1.0, np.inf)  # s
 
 
-def scale(mission: Mission) -> Array:
-    """Of the states that there are."""
-    return np.append(SCALE, np.ones(mission.n_states - len(SCALE)))
-
-
-def rate_limits(mission: Mission) -> Array:
-    """Of the controls, rad/s."""
-    angle = mission.angle_of_attack
-    return np.array([mission.limits.bank_rate] + ([] if angle is None else [angle.rate]))
-
-
 def node_functions(mission: Mission) -> tuple[ca.Function, Array, int]:
     """(x, u, t) → rates, g ≤ 1, insides of the absolute terms and what is integrated as it is.
 
     With the weights of the absolute terms and the number of limits.
     """
-    model, objective, units = mission.flight_model, mission.objective, scale(mission)
+    model, objective, units = mission.flight_model, mission.objective, scale_of(mission)
     most = rate_limits(mission)
     x, u, t = ca.SX.sym("x", len(units)), ca.SX.sym("u", len(most)), ca.SX.sym("t")
     si, turning = x * units, u * most
@@ -82,26 +79,18 @@ def node_functions(mission: Mission) -> tuple[ca.Function, Array, int]:
         inside.append((rates[0] - objective.desired_altitude_rate) / 100.0)
         weight.append(objective.descent_rate * 100.0)
     efforts = (objective.bank_rate_effort, objective.angle_of_attack_effort)
-    smooth = sum(w * (np.degrees(m) * u[k]) ** 2 for k, (w, m) in enumerate(zip(efforts, most)))
+    smooth = sum(efforts[k] * (np.degrees(one) * u[k]) ** 2 for k, one in enumerate(most))
     outputs = [rates / units, g, ca.vertcat(*inside), smooth]
     return ca.Function("node", [x, u, t], outputs), np.array(weight), g.numel()
 
 
 def final_cost(mission: Mission, last: Any, final_time: Any) -> Any:
-    """Flight time, final speed, and cross-range to the left by vectors, of a scaled final state."""
-    objective, entry = mission.objective, mission.entry
-    lon, lat, azimuth = entry.longitude, entry.latitude, entry.azimuth
-    up = np.array([np.cos(lat) * np.cos(lon), np.cos(lat) * np.sin(lon), np.sin(lat)])
-    east = np.array([-np.sin(lon), np.cos(lon), 0.0])
-    heading = np.sin(azimuth) * east + np.cos(azimuth) * np.cross(up, east)
-    left = np.cross(up, heading)
-    end = [ca.cos(last[2]) * ca.cos(last[1]), ca.cos(last[2]) * ca.sin(last[1]), ca.sin(last[2])]
-    across = ca.asin(sum(a * b for a, b in zip(left, end, strict=True)))
-    radius = mission.flight_model.planet.equatorial_radius
+    """Flight time, final speed and cross-range of a scaled final state."""
+    objective = mission.objective
     return (
         objective.flight_time * final_time
         + objective.final_speed * last[3] * SCALE[3]
-        + objective.cross_range * 1e-3 * radius * across
+        + objective.cross_range * cross_range(mission, last[1], last[2])
     )
 
 
@@ -199,6 +188,6 @@ def witness(mission: Mission, asked: Transcription, at: MeshIterate) -> Optimum:
     return Optimum(
         status=found.status,
         cost=found.objective * worth * (final_time / at.final if asked.per_second else 1.0),
-        states=values[: n_x * n].reshape(n, n_x) * scale(mission),
+        states=values[: n_x * n].reshape(n, n_x) * scale_of(mission),
         final_time=final_time,
     )
