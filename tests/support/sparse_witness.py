@@ -17,11 +17,12 @@ from numpy.typing import NDArray
 
 from ampi.missions import Mission
 from ampi.physics.equations_of_motion import equations_of_motion
-from ampi.physics.state import ENTRY_STATES
+from ampi.physics.state import ANGLE_OF_ATTACK, BANK, STEERED_STATES
 from ampi.pseudospectral.mesh import Mesh
 from ampi.scp.literature.subproblem_builder import MeshIterate
 from tests.support.missions import SCALE
 from tests.support.witness import (
+    RATES,
     cross_range,
     entry_row,
     ipopt,
@@ -38,7 +39,6 @@ IPOPT = {
     "mu_init": 1e-6,
     **dict.fromkeys(("bound_push", "bound_frac", "slack_bound_push", "slack_bound_frac"), 1e-8),
 }
-ANGLES = ("bank_angle", "angle_of_attack")  # that are steered
 
 
 @dataclass(frozen=True)
@@ -117,18 +117,18 @@ def state_bounds(mission: Mission, at: MeshIterate) -> tuple[Array, Array]:
     """Of the scaled states (n, n_x): limits of the angles, entry state, target."""
     n, n_x = at.states.shape
     low, high = np.full((n, n_x), -np.inf), np.full((n, n_x), np.inf)
-    low[:, 6], high[:, 6] = -mission.limits.bank_angle, mission.limits.bank_angle
+    low[:, BANK], high[:, BANK] = -mission.limits.bank_angle, mission.limits.bank_angle
     angle = mission.angle_of_attack
     if angle is not None and angle.over is None:
-        low[:, 7], high[:, 7] = angle.lower[0], angle.upper[0]
-    low[0, :6] = high[0, :6] = at.states[0, :6]
-    for k, name in enumerate(ANGLES[: n_x - 6], start=6):
-        if getattr(mission.entry, name) is not None:
-            low[0, k] = high[0, k] = getattr(mission.entry, name)
-    for k, name in enumerate(ENTRY_STATES):
-        wish = getattr(mission.target, name)
-        if wish is not None and not (mission.target.position == "free" and k in (1, 2)):
-            low[-1, k], high[-1, k] = np.array(wish) * np.ones(2) / SCALE[k]
+        low[:, ANGLE_OF_ATTACK], high[:, ANGLE_OF_ATTACK] = angle.lower[0], angle.upper[0]
+    for k, name in enumerate(STEERED_STATES[:n_x]):
+        first = getattr(mission.entry, name) if k >= BANK else at.states[0, k]
+        if first is not None:
+            low[0, k] = high[0, k] = first
+        field = mission.target.held_by(name)
+        if field is not None:
+            wish = np.array(getattr(mission.target, field)) * np.ones(2) / scale_of(mission)[k]
+            low[-1, k], high[-1, k] = max(low[-1, k], wish[0]), min(high[-1, k], wish[1])
     return low, high
 
 
@@ -138,9 +138,7 @@ def first_rates(mission: Mission, radau: bool, mesh: Mesh, u: Any) -> tuple[list
     if radau:
         row = ca.DM.zeros(mesh.n_nodes)
         row[1 : rule.degree + 1] = entry_row(rule.nodes[1:])
-    names = [f"{name}_rate" for name in ANGLES[: u.shape[0]]]
-    names[0] = "bank_rate"
-    given = [getattr(mission.entry, name) for name in names]
+    given = [getattr(mission.entry, name) for name in RATES[: u.shape[0]]]
     known = [k for k, rate in enumerate(given) if rate is not None]
     return [u[k, :] @ row for k in known], [given[k] / rate_limits(mission)[k] for k in known]
 
@@ -162,7 +160,8 @@ def witness(mission: Mission, asked: Transcription, at: MeshIterate) -> Optimum:
     found = node.map(n)(at.states.T, at.controls.T, at.mesh.times(at.final)[None])
     start = np.concatenate([start, np.abs(np.array(found[2])).T.ravel()])
     variables = ca.vertcat(ca.vec(x), ca.vec(u), period, ca.vec(a))
-    worth = abs(float(ca.Function("cost", [variables], [cost])(start)))  # an objective near one
+    there = ca.Function("cost", [variables], [cost])(start)
+    worth = 100.0 * weight.sum() or abs(float(there))  # brings the cost to the order of one
     program = {
         "x": variables,
         "f": cost / worth * (at.final / (SECONDS * period) if asked.per_second else 1.0),
