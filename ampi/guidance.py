@@ -35,6 +35,7 @@ from ampi.onboard.reference import Mode, Reference, ReferenceGenerator
 from ampi.onboard.row_layout import N_STATES
 from ampi.onboard.subspace import Order
 from ampi.onboard.table import GuidanceTable
+from ampi.tracking.angle_limiter import ModulationLimits
 from ampi.tracking.bank_limiter import BankLimits
 from ampi.tracking.law import TrackingLaw
 from ampi.tracking.linear_quadratic import LinearQuadratic
@@ -52,7 +53,8 @@ class Guidance:
     """Onboard guidance from a table, in one mode, of one vehicle.
 
     `limits` are the nominal vehicle's; `limit_axes` names those of them that are parameters, each with
-    its place in p: they are then what was measured. `law` tracks the reference.
+    its place in p: they are then what was measured. `law` tracks the reference; `modulation` limits the
+    change of the angle of attack that it, or a plan, may ask for.
 
     It measures its cycle from the times that it is given (`ampi.onboard.clock`): `reset`, or the first
     command after a new reference whose time does not go on, begins a flight. `cycle` (s) is the nominal
@@ -68,6 +70,7 @@ class Guidance:
         mode: Mode | str = Mode.AMPI,
         *,
         law: TrackingLaw | None = None,
+        modulation: ModulationLimits | None = None,
         cycle: float | None = None,
         limit_axes: Mapping[str, int] | None = None,
         mission_sha256: str | None = None,
@@ -78,11 +81,17 @@ class Guidance:
     ) -> None:
         self.table, self.limits, self.mode = table, limits, Mode(mode)
         self.law: TrackingLaw = LinearQuadratic() if law is None else law
+        self.modulation = modulation  # None: it flies by bank alone
         self.limit_axes = dict(limit_axes or {})
         _check(table, limits, cycle, self.limit_axes, self.law)
         self.mission_sha256 = mission_sha256  # of the database's mission; None if made by hand
         self.orders = None if orders is None else tuple(orders)
         self.correction = correction  # None: the reference is tracked, and no plan corrected
+        if self.modulates and modulation is None:
+            raise ValueError(
+                "modulation: expected limits of the change of the angle of attack, which the law or "
+                "the corrector asks for, got None"
+            )
         self.certifier = certifier  # None: nothing is known on board of vehicle and air
         self._generator = ReferenceGenerator(table, self.mode, self.orders)
         self._asked_engine, self.engine = engine, self._engine(engine)
@@ -127,6 +136,7 @@ class Guidance:
             self.table,
             self.law,
             self.limits,
+            modulation=self.modulation if self.modulates else None,
             mode=self.mode,
             orders=self.orders,
             limit_axes=self.limit_axes,
@@ -141,6 +151,7 @@ class Guidance:
             "limits": self.limits,
             "mode": self.mode,
             "law": self.law,
+            "modulation": self.modulation,
             "cycle": self._stated_cycle,
             "limit_axes": self.limit_axes,
             "mission_sha256": self.mission_sha256,
@@ -231,7 +242,8 @@ class Guidance:
     def _cycle_of(self, flown: FlownReferences) -> GuidanceCycle | CompiledCycle:
         if self.engine == NATIVE:
             return CompiledCycle(flown, self.opened, self._opened_model)
-        return GuidanceCycle(flown, self.law, self._stated_cycle, self.correction)
+        limits = self.modulation if self.modulates else None
+        return GuidanceCycle(flown, self.law, self._stated_cycle, self.correction, limits)
 
     @cached_property
     def opened(self) -> Any:
@@ -356,7 +368,7 @@ def _check(
             )
         if not table.axes[i][0] > 0.0:
             raise ValueError(f"limit_axes: {name}: expected an axis of positive numbers, axis {i}")
-    if table.layout != law.layout:
+    if table.layout not in (law.layout, law.layout.with_angle_of_attack):
         raise ValueError(
             f"law: expected a table with the rows of {law.name} "
             f"({', '.join(row.name for row in law.layout.rows)}), got "

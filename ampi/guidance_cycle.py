@@ -1,6 +1,6 @@
 """One cycle of the flight software in numpy, for n flights of one clock.
 
-clock → look-up → plausibility → law → limiter. ampi/export/c/ampi_step.c is the same in C. Where a plan
+clock → look-up → plausibility → law → limiters. ampi/export/c/ampi_step.c is the same in C. Where a plan
 is corrected in flight (ampi/correction), what it asks for takes the place of what the law does.
 """
 
@@ -17,6 +17,7 @@ from ampi.onboard.flown_references import FlownReferences
 from ampi.onboard.health import Health, Steering
 from ampi.onboard.plausibility import BANK, SANE, on_turn_of
 from ampi.onboard.row_layout import N_STATES
+from ampi.tracking.angle_limiter import ModulationLimits, modulation_rate
 from ampi.tracking.bank_limiter import NEAR_INVERTED, BankLimits, bank_on_turn, limited_rate
 from ampi.tracking.law import Told, TrackingLaw
 
@@ -34,11 +35,13 @@ class GuidanceCycle:
         law: TrackingLaw,
         stated_cycle: float | None,
         correction: Correction | None = None,
+        modulation: ModulationLimits | None = None,
     ) -> None:
         self._flown, self._law, self._table = flown, law, flown.table
         self._clock = CycleClock(stated_cycle)
         self.tracked = np.full((len(self._table.layout), len(flown)), np.nan)
         self._limits: BankLimits | None = None  # nothing is flown yet
+        self._modulation = modulation  # None: the angle of attack stays as it is
         # what corrects the plans, if anything does
         self.corrected = None if correction is None else CorrectedCycle(correction, flown)
         self._forget()
@@ -73,7 +76,8 @@ class GuidanceCycle:
     def _forget(self) -> None:
         """Nothing has been commanded yet."""
         n = len(self._flown)
-        self._rate, self._bank, self._angle = np.full(n, np.nan), np.full(n, np.nan), np.zeros(n)
+        self._rate, self._bank = np.full((2, n), np.nan)
+        self._change, self._change_rate = np.zeros((2, n))  # of the angle of attack
         self._memory = self._law.memory(n)
 
     def step(self, time: float, navigated: Array, felt: Array) -> Command:
@@ -85,7 +89,7 @@ class GuidanceCycle:
                 self._forget()
             if self._limits is None:
                 return not_begun(len(self._flown))
-            told = Told(navigated[:N_STATES], felt, self._clock.expected)
+            told = Told(navigated[:N_STATES], felt, self._clock.expected, self._change)
             own = self._limits
             return self._steered(told, navigated[N_STATES], own, in_time=in_time, plan=asked)
 
@@ -98,7 +102,7 @@ class GuidanceCycle:
         bank = self._bank_angle(state[BANK], self.tracked[BANK], limits)
         state[BANK] = np.where(np.isnan(bank), on_turn_of(state[BANK], 0.0), bank)
         state[:, ~plausible] = np.nan
-        known = Known(self._bank, limits.angle, limits.rate, self._clock.expected)
+        known = Known(self._bank, self._change, limits.angle, limits.rate, self._clock.expected)
         return self.corrected.step(time, state, felt, known)
 
     def _steered(
@@ -122,12 +126,12 @@ class GuidanceCycle:
             rate = np.where(rolls, rate, np.where(np.isnan(self._rate), own, self._rate))
             state[:] = np.where(plausible, state, at[layout.states])  # for the law's memory
         state[BANK] = bank
-        asked, angle = self._law.command(at, told, self._memory)
+        asked, change = self._law.command(at, told, self._memory)
         wanted, steering, held = asked, np.full(len(asked), int(Steering.TRACKED)), ended | lost
         if not plausible.all():
             wanted = np.where(plausible, asked, own)
             steering = np.where(plausible, steering, Steering.REFERENCE)
-            angle = np.where(plausible, angle, self._angle)
+            change = np.where(plausible, change, self._change)
         if not in_time:
             health = np.full(len(health), int(Health.BAD_TIME))
         if held.any():
@@ -136,16 +140,30 @@ class GuidanceCycle:
             steering = np.where(held, Steering.HELD, steering)
         if plan is not None:
             wanted = np.where(plan.is_asked, plan.rate, wanted)
-            angle = np.where(plan.is_asked, plan.angle, angle)
+            change = np.where(plan.is_asked, plan.angle, change)
             steering = np.where(plan.is_asked, Steering.PLANNED, steering)
         clock = self._clock
         # The limits are of commands: from the measured rate, behind a lag of half a second at 10 Hz,
         # they would leave a fifth of the acceleration, and the bank angle would overshoot by 19°.
         last = np.where(np.isnan(self._rate), rate, self._rate)
         new = limited_rate(limits, bank, last, wanted, clock.longest, clock.shortest)
-        self._rate, self._angle = new, angle
-        self._bank = bank + 0.5 * (rate + new) * clock.expected
+        self._rate, self._bank = new, bank + 0.5 * (rate + new) * clock.expected
+        angle = self._modulated(change)
+        if layout.angle_of_attack is not None:
+            angle = at[layout.angle_of_attack] + angle
         return Command(new, self._bank, angle, steering, health)
+
+    def _modulated(self, wanted: Array) -> Array:
+        """The change of the angle of attack (n,), rad, at the end of the cycle."""
+        limits, clock, last = self._modulation, self._clock, self._change_rate
+        if limits is not None:
+            wanted = np.where(np.abs(wanted) < SANE, wanted, self._change)
+            rate = modulation_rate(
+                limits, self._change, last, wanted, clock.longest, clock.shortest
+            )
+            self._change = self._change + 0.5 * (last + rate) * clock.expected
+            self._change_rate = rate
+        return self._change
 
     def _look_up(self, told: Told) -> tuple[Array, NDArray[np.bool_], NDArray[np.bool_]]:
         """Rows of the references (r, n) at this instant; which have ended; of which it is unknown."""

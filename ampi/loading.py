@@ -20,8 +20,10 @@ from ampi.onboard.segments import Segments
 from ampi.onboard.subspace import Order
 from ampi.onboard.table import GuidanceTable, nearest_solved
 from ampi.onboard_model import certifier_of, correction_of
+from ampi.physics.state import N_STATES
 from ampi.pseudospectral.mesh import Mesh
-from ampi.table_sensitivities import loads, table_sensitivities
+from ampi.table_sensitivities import loads, steered_gains, table_sensitivities
+from ampi.tracking.angle_limiter import ModulationLimits
 from ampi.tracking.bank_limiter import BankLimits
 from ampi.tracking.drag_shuttle import DragShuttle
 from ampi.tracking.drag_sliding_mode import DragSlidingMode
@@ -31,11 +33,14 @@ from ampi.tracking.linear_quadratic import LinearQuadratic
 Array = NDArray[np.float64]
 Holes = Literal["refuse", "fly"]
 HOLES: tuple[Holes, ...] = get_args(Holes)
+ANGLE_OF_ATTACK_ACCELERATION = float(np.radians(4.0))  # rad/s²
 CORRECTIONS = ("none", "bank", "bank_and_angle")
 
 
-def law_of(law: TrackingLaw | str, mission: Mission) -> TrackingLaw:
+def law_of(law: TrackingLaw | str, mission: Mission, modulate: bool = False) -> TrackingLaw:
     """A law by its name, of the mission's planet; one that is a law already comes back.
+
+    With `modulate` it asks for changes of the angle of attack as well.
 
     Raises
     ------
@@ -46,28 +51,32 @@ def law_of(law: TrackingLaw | str, mission: Mission) -> TrackingLaw:
         return law
     if law not in LAWS:
         raise ValueError(f"law: expected a tracking law or one of {', '.join(LAWS)}, got {law!r}")
-    return LAWS[law](mission)
+    return LAWS[law](mission, modulate)
 
 
-def _linear_quadratic(mission: Mission) -> TrackingLaw:
-    return LinearQuadratic()
+def _linear_quadratic(mission: Mission, modulate: bool) -> TrackingLaw:
+    return LinearQuadratic(modulates=modulate)
 
 
-def _drag_sliding_mode(mission: Mission) -> TrackingLaw:
+def _drag_sliding_mode(mission: Mission, modulate: bool) -> TrackingLaw:
     planet = mission.flight_model.planet
     return DragSlidingMode(
-        gravitational_parameter=planet.gravitational_parameter, radius=planet.equatorial_radius
+        gravitational_parameter=planet.gravitational_parameter,
+        radius=planet.equatorial_radius,
+        modulates=modulate,
     )
 
 
-def _drag_shuttle(mission: Mission) -> TrackingLaw:
+def _drag_shuttle(mission: Mission, modulate: bool) -> TrackingLaw:
     planet = mission.flight_model.planet
     return DragShuttle(
-        gravitational_parameter=planet.gravitational_parameter, radius=planet.equatorial_radius
+        gravitational_parameter=planet.gravitational_parameter,
+        radius=planet.equatorial_radius,
+        modulates=modulate,
     )
 
 
-LAWS: dict[str, Callable[[Mission], TrackingLaw]] = {
+LAWS: dict[str, Callable[[Mission, bool], TrackingLaw]] = {
     "linear_quadratic": _linear_quadratic,
     "drag_sliding_mode": _drag_sliding_mode,
     "drag_shuttle": _drag_shuttle,
@@ -104,6 +113,8 @@ def guidance_table(
             "(holes='fly', --holes fly); or leave them out with: ampi crop"
         )
     layout = law_of(law, dataset.mission).layout
+    if dataset.mission.n_states > N_STATES:
+        layout = layout.with_angle_of_attack
     rows = layout.stacked(_parts(dataset, layout))
     final_time = dataset.final_time
     if len(missing):
@@ -141,8 +152,14 @@ def segments_of(mesh: Mesh) -> Segments:
 def _parts(dataset: TrajectoryDataset, layout: RowLayout) -> dict[RowKind, Array]:
     """Rows (p…, r, n) of each kind that the layout has: those of the file, and those of the physics."""
     kinds = {row.kind for row in layout.rows}
-    parts = {RowKind.STATE: dataset.states, RowKind.CONTROL: dataset.bank_rate[..., None, :]}
-    if RowKind.GAIN in kinds:
+    parts = {
+        RowKind.STATE: dataset.states[..., :N_STATES, :],
+        RowKind.CONTROL: dataset.bank_rate[..., None, :],
+        RowKind.ANGLE: dataset.states[..., N_STATES:, :],
+    }
+    if RowKind.ANGLE_GAIN in kinds:
+        parts[RowKind.GAIN], parts[RowKind.ANGLE_GAIN] = steered_gains(dataset)
+    elif RowKind.GAIN in kinds:
         parts[RowKind.GAIN] = dataset.gains
     if RowKind.LOAD in kinds:
         parts[RowKind.LOAD] = loads(dataset)
@@ -156,6 +173,7 @@ def load_guidance(
     holes: Holes = "refuse",
     cycle: float | None = None,
     law: TrackingLaw | str = "linear_quadratic",
+    modulate: bool = False,
     orders: Mapping[str, Order | str] | None = None,
     correction: Correction | str = "none",
     engine: str = "auto",
@@ -177,6 +195,9 @@ def load_guidance(
     law
         What tracks the reference: "linear_quadratic" (default), "drag_sliding_mode" or "drag_shuttle",
         with the gains that they come with; or a law with gains of one's own.
+    modulate
+        Whether a law that is given by its name changes the angle of attack, too, within the limits of
+        the mission (limits.angle_of_attack_change, …_rate, …_acceleration).
     orders
         Orders of interpolation by the names of parameters, {"speed": "quadratic"}; all others are
         the mode's.
@@ -198,6 +219,7 @@ def load_guidance(
         holes=holes,
         cycle=cycle,
         law=law,
+        modulate=modulate,
         orders=orders,
         correction=correction,
         engine=engine,
@@ -211,19 +233,27 @@ def guidance_of(
     holes: Holes = "refuse",
     cycle: float | None = None,
     law: TrackingLaw | str = "linear_quadratic",
+    modulate: bool = False,
     orders: Mapping[str, Order | str] | None = None,
     correction: Correction | str = "none",
     engine: str = "auto",
 ) -> Guidance:
     """The same from a database that has been read."""
     limits, names = dataset.mission.limits, dataset.names
-    tracker = law_of(law, dataset.mission)
+    tracker = law_of(law, dataset.mission, modulate)
+    modulation = modulation_limits(dataset.mission)
+    if tracker.modulates and modulation is None:
+        raise ValueError(
+            f"modulate: expected False, for {dataset.mission.name} does not say by how much its angle "
+            "of attack may change (limits.angle_of_attack_change_deg), got True"
+        )
     table = guidance_table(dataset, holes, tracker)
     return Guidance(
         table,
         BankLimits(limits.bank_angle, limits.bank_rate, limits.bank_acceleration),
         mode,
         law=tracker,
+        modulation=modulation,
         cycle=cycle,
         limit_axes={
             limit: names.index(f"limits.bank_{limit}")
@@ -235,6 +265,17 @@ def guidance_of(
         certifier=_certifier(dataset.mission, table),
         correction=_correction(dataset.mission, correction),
         engine=engine,
+    )
+
+
+def modulation_limits(mission: Mission) -> ModulationLimits | None:
+    """Those of the change of the angle of attack; None where the mission allows none."""
+    limits = mission.limits
+    if limits.angle_of_attack_change is None or limits.angle_of_attack_rate is None:
+        return None
+    acceleration = getattr(limits, "angle_of_attack_acceleration", ANGLE_OF_ATTACK_ACCELERATION)
+    return ModulationLimits(
+        limits.angle_of_attack_change, limits.angle_of_attack_rate, acceleration
     )
 
 

@@ -14,8 +14,7 @@ What is asked for leads what it becomes: with v̇ of the estimated model, from E
 
 τ the lead of a command over what it becomes, the cycle at whose end it is reached included, k the
 stiffness with which the bank angle is brought to the plan; the change of the angle of attack is that at
-v₊, no farther from the last one than its rate allows. What of it is flown is not told; it follows its
-command behind a first-order lag.
+v₊. What of it is flown is not told; it follows its command behind a first-order lag.
 
 Source: own.
 """
@@ -51,6 +50,7 @@ class Known(NamedTuple):
     """What the cycle of the guidance knows beside navigation."""
 
     bank: Array  # (n,), rad: of the last command
+    change: Array  # (n,), rad: of the angle of attack, of the last command
     bank_angle: Any  # limits, ± rad, rad/s; numbers or (n,)
     bank_rate: Any
     cycle: float  # s, expected
@@ -80,7 +80,7 @@ class CorrectedCycle:
         """Begin other flights to the same targets."""
         n = len(self._flown)
         self.estimator.reset()
-        self._time, self._state, self._commanded = np.nan, np.zeros((8, n)), np.zeros(n)
+        self._time, self._state = np.nan, np.zeros((8, n))
         self.next = np.full(n, self._settings.start)
         self._has_plan = np.zeros(n, dtype=bool)
         self.plans = Plans(np.zeros(n), np.zeros(n), np.zeros((N_PLAN, n)))
@@ -138,8 +138,8 @@ class CorrectedCycle:
         """
         passed = time - self._time
         is_state = self._take(time, told, passed, known)
-        self._lag(passed)
-        unsure = 0.5 * np.abs(self._commanded - self.change)
+        self._lag(passed, known.change)
+        unsure = 0.5 * np.abs(known.change - self.change)
         self.estimator.update(time, told_where(is_state, self._state), sensed, self.change, unsure)
         self._correct(is_state, known)
         return self._ask(known)
@@ -164,11 +164,11 @@ class CorrectedCycle:
         factors = factors_at(self.estimator.estimate, state)
         return self.correction.model.rates(state[:CHANGE], 0.0, self._time, factors)[:BANK]
 
-    def _lag(self, passed: float) -> None:
+    def _lag(self, passed: float, commanded: Array) -> None:
         """The change of the angle of attack follows its command."""
         if passed > 0.0:
             share = 1.0 - np.exp(-passed / max(self._settings.lag, LEAST_LAG))
-            self._state[CHANGE] += (self._commanded - self.change) * share
+            self._state[CHANGE] += (commanded - self.change) * share
 
     def _correct(self, is_state: Mask, known: Known) -> None:
         """The corrections that are due."""
@@ -239,7 +239,7 @@ class CorrectedCycle:
         own, state = self._settings, self._state
         lead = own.lead + known.cycle
         if not self._has_plan.any():
-            return Asked(self._has_plan, self._commanded, self._commanded)
+            return Asked(self._has_plan, known.change, known.change)
         rates = self._rates(state)
         gravity = self.correction.model.load_factor_gravity
         speed = self._predictor.speed(self.target, state)
@@ -247,10 +247,7 @@ class CorrectedCycle:
         ahead = speed + lead * (falls / np.maximum(speed, 1.0))
         (bank, _), (then, change) = self.plans.at(speed), self.plans.at(ahead)
         rate = (then - bank) / lead + own.stiffness * (bank - state[BANK])
-        last, most = self._commanded, own.change_rate * known.cycle
-        change = np.minimum(np.maximum(change, last - most), last + most)
         is_asked = self._has_plan & (np.abs(rate) < SANE) & (np.abs(change) < SANE)
-        self._commanded = np.where(is_asked, change, last)
         return Asked(is_asked, rate, change)
 
 

@@ -121,7 +121,14 @@ def _tables(guidance: Guidance, small: SmallTable) -> dict[str, Any]:
         Mode.MPI: grid[np.ix_(*([0, len(axis) - 1] for axis in table.axes))].reshape(-1).tolist(),
     }
     for mode in MODES:
-        blob = table_blob(table, guidance.law, guidance.limits, mode=mode, limit_axes=limit_axes)
+        blob = table_blob(
+            table,
+            guidance.law,
+            guidance.limits,
+            modulation=guidance.modulation,
+            mode=mode,
+            limit_axes=limit_axes,
+        )
         vertices = chosen.get(mode, grid.reshape(-1))
         rest = 0 if table.solved is None else -(-len(vertices) // 8) * 8
         heads.append(blob[: len(blob) - rest - 8 * len(vertices) * packed.shape[-1]])

@@ -9,8 +9,9 @@
                  greatest and nominal parameter of the whole table, of which a mode may use a part
       segments   s of uint32 low-density nodes, high-density points, 0, 0; float64 (a, b) of its begin,
                  and of half its length, t = a + b t_f
-      settings   float64: limits of bank angle, rate, acceleration; nominal cycle; middle and reach of
-                 plausible states (7 each); 16 gains of the law
+      settings   float64: limits of bank angle, rate, acceleration; nominal cycle; the same limits of
+                 the change of the angle of attack, 0: there is none; middle and reach of plausible
+                 states (7 each); 16 gains of the law
       points     of each axis, float64
       matrix     of each segment: its nodes τ and their weights, padded to those of the widest; then its
                  part of the LD→HD matrix, [nodes][points]
@@ -39,7 +40,8 @@ from ampi.onboard.reference import Mode
 from ampi.onboard.row_layout import RowLayout
 from ampi.onboard.subspace import Order
 from ampi.onboard.table import GuidanceTable
-from ampi.tracking.bank_limiter import BankLimits
+from ampi.tracking.angle_limiter import ModulationLimits
+from ampi.tracking.bank_limiter import AngleLimits, BankLimits
 from ampi.tracking.drag_reference import DragReference
 from ampi.tracking.drag_shuttle import DragShuttle
 from ampi.tracking.drag_sliding_mode import DragSlidingMode
@@ -51,7 +53,7 @@ Kind = Literal["float64", "float32", "int16"]
 KINDS: tuple[Kind, ...] = get_args(Kind)
 
 MAGIC = b"\x89AMPI\r\n\x1a"
-BYTE_ORDER_MARK, FORMAT = 0x01020304, 1
+BYTE_ORDER_MARK, FORMAT = 0x01020304, 2
 HEADER, SIZES = 32, 64  # bytes
 TEXT = 14  # place of its length among the sizes
 N_GAINS = 16
@@ -76,6 +78,7 @@ def table_blob(
     law: TrackingLaw,
     limits: BankLimits,
     *,
+    modulation: ModulationLimits | None = None,
     mode: Mode | str = Mode.AMPI,
     orders: Sequence[Order] | None = None,
     limit_axes: Mapping[str, int] | None = None,
@@ -89,6 +92,8 @@ def table_blob(
     ----------
     table, law, limits
         As `Guidance` takes them.
+    modulation
+        Limits of the change of the angle of attack; None: it is never changed.
     mode, orders, limit_axes, cycle
         As `Guidance` takes them.
     kind
@@ -105,7 +110,15 @@ def table_blob(
     mode = Mode(mode)
     if kind not in KINDS:
         raise ValueError(f"kind: expected one of {', '.join(KINDS)}, got {kind!r}")
-    flown = _Flown(table, law, limits, mode=mode, limit_axes=limit_axes or {}, cycle=cycle)
+    flown = _Flown(
+        table,
+        law,
+        limits,
+        modulation=modulation,
+        mode=mode,
+        limit_axes=limit_axes or {},
+        cycle=cycle,
+    )
     own = tuple(orders or (_ORDER_OF.get(mode) or Order(mode.value),) * len(table.axes))
     if len(own) != len(table.axes) or not set(own) <= set(ORDERS):
         raise ValueError(
@@ -153,6 +166,7 @@ class _Flown:
     table: GuidanceTable = field(kw_only=False)
     law: TrackingLaw = field(kw_only=False)
     limits: BankLimits = field(kw_only=False)
+    modulation: ModulationLimits | None
     mode: Mode
     limit_axes: Mapping[str, int]
     cycle: float | None
@@ -165,7 +179,7 @@ class _Flown:
                 f"law: expected one that flight code has ({', '.join(each.name for each in LAWS)}), "
                 f"got {self.law.name}"
             )
-        if self.table.layout != self.law.layout:
+        if self.table.layout not in (self.law.layout, self.law.layout.with_angle_of_attack):
             raise ValueError(f"law: expected a table with the rows of {self.law.name}")
         cuts = {Mode.MPI: self.table.corners, Mode.NOMINAL: self.table.nominal}
         object.__setattr__(self, "cut", cuts.get(self.mode, lambda: self.table)())
@@ -201,7 +215,7 @@ class _Flown:
             *(self.limit_axes.get(name, NO_AXIS) for name in ("angle", "rate", "acceleration")),
             int(self.cut.solved is not None),
             text,
-            0,
+            int(self.law.modulates),
         )
 
     def counts(self, orders: tuple[Order, ...]) -> bytes:
@@ -222,10 +236,11 @@ class _Flown:
     def numbers(self) -> list[bytes]:
         """Settings, points, matrix and instants."""
         table, segments, envelope = self.table, self.table.segments, self.table.envelope
-        limits = [self.limits.angle, self.limits.rate, self.limits.acceleration]
+        limits, changed = _sizes_of(self.limits), self.modulation
         cycle = NOMINAL_CYCLE if self.cycle is None else self.cycle
         gains = _gains(self.law)
-        settings = [*limits, cycle, *envelope.middle, *envelope.reach]
+        changes = [0.0] * len(limits) if changed is None else _sizes_of(changed)
+        settings = [*limits, cycle, *changes, *envelope.middle, *envelope.reach]
         settings += [*gains, *[0.0] * (N_GAINS - len(gains))]
         matrix: list[Array] = []
         for s, (first, count) in enumerate(zip(segments.first_node, segments.counts, strict=True)):
@@ -233,6 +248,10 @@ class _Flown:
             matrix += [segments.nodes[s], segments.weights[s], own]
         arrays = [settings, *self.cut.axes, *matrix, *table.high_density_time]
         return [np.asarray(array, "<f8").tobytes() for array in arrays]
+
+
+def _sizes_of(limits: AngleLimits) -> list[float]:
+    return [float(np.asarray(part)) for part in (limits.angle, limits.rate, limits.acceleration)]
 
 
 def _segments_of_points(table: GuidanceTable) -> NDArray[np.intp]:
@@ -256,13 +275,13 @@ def _gains(law: TrackingLaw) -> list[float]:
     if not isinstance(law, DragReference):
         return []
     lateral = law.lateral
-    gains = [law.gravitational_parameter, law.radius, law.felt_drag]
+    gains = [law.gravitational_parameter, law.radius, law.felt_drag, law.angle_gain]
     gains += [lateral.deadband, lateral.least_range, lateral.turning, lateral.braking]
     if isinstance(law, DragShuttle):
         gains += [law.drag_gain, law.descent_gain]
     if isinstance(law, DragSlidingMode):
         gains += [law.surface, law.reaching, law.switching, law.boundary, law.bandwidth]
-        gains += [law.most_disturbance, law.most_angle, law.angle_rate]
+        gains += [law.most_disturbance]
     return gains
 
 

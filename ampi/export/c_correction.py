@@ -39,7 +39,7 @@ def corrector_size() -> int:
     """Bytes of an ampi_corrector."""
     estimate = _structure(ctypes.c_double * (_E + _E * _E + 3 + 3 + 1), ctypes.c_uint32 * 6)
     plan = ctypes.c_double * (2 + N_PLAN)
-    numbers = ctypes.c_double * (4 + 8 + 1 + 2 + 2 + N_MISSED + 1)
+    numbers = ctypes.c_double * (4 + 8 + 1 + 1 + 2 + N_MISSED + 1)
     words = ctypes.c_uint32 * (4 + len(CorrectionOutcome) + 1)
     jacobian, path = ctypes.c_double * (N_MISSED * N_PLAN), ctypes.c_double * (19 * MOST_STEPS)
     whole = _structure(estimate, plan, plan, numbers, words, jacobian, path, ctypes.c_uint32)

@@ -70,8 +70,8 @@ class CodeSizes:
                 _Word * 16,
                 _structure(_Word * 4, _Number * 3) * a,
                 _structure(_Word * 4, _Number * 4) * s,
-                _Number * (4 + 2 * 7 + 16),
-                _Place * (1 + 2 * a + 3 * s + 5),
+                _Number * (4 + 3 + 2 * 7 + 16),
+                _Place * (1 + 2 * a + 3 * s + 6),
                 _Word * 2,
             )
         )
@@ -89,7 +89,7 @@ class CodeSizes:
     @property
     def guidance(self) -> int:
         """Of an ampi_guidance: all that one flight remembers, its reference included."""
-        numbers = _Number * (self.points + self.rows + 4 + 3 + 3 + 2 + 6)
+        numbers = _Number * (self.points + self.rows + 3 + 3 + 3 + 2 + 2 + 6)
         return ctypes.sizeof(_structure(self._reference, numbers, _Word * 4))
 
     @property

@@ -34,8 +34,8 @@ def disagreements(mission: MissionSections) -> list[str]:
         ("atmosphere entry", _air_reaches_the_entry),
         ("mesh", _mesh_stands),
         ("entry target", _flight_slows_down),
-        ("planet atmosphere vehicle limits entry", _entry_keeps_limits),
-        ("planet atmosphere vehicle limits target", _target_keeps_limits),
+        ("planet atmosphere vehicle angle_of_attack limits entry", _entry_keeps_limits),
+        ("planet atmosphere vehicle angle_of_attack limits target", _target_keeps_limits),
         ("planet limits entry target no_fly_zone", _zones_are_clear),
         ("vehicle limits", _lift_keeps_its_sign),
         ("limits guess", _guess_keeps_its_limit),
@@ -149,13 +149,19 @@ def _flight_slows_down(mission: MissionSections) -> Iterator[str]:
 
 
 def _entry_keeps_limits(mission: MissionSections) -> Iterator[str]:
+    if not _has_an_angle(mission):
+        return
     state = [*mission.entry_state, 0.0, *_angles_allowed(mission, mission.entry.angle_of_attack)]
     yield from _limits_exceeded_at(mission, "entry", state, 0.0)
 
 
+def _has_an_angle(mission: MissionSections) -> bool:
+    return mission.vehicle.angle_of_attack is not None or mission.angle_of_attack is not None
+
+
 def _angles_allowed(mission: MissionSections, given: float | None = None) -> list[Any]:
     """Where it is a control, the angle of attack `given`, else many of those allowed, zero if it is."""
-    control = getattr(mission, "angle_of_attack", None)
+    control = mission.angle_of_attack
     if control is None or mission.vehicle.angle_of_attack is not None:
         return []
     if given is not None:
@@ -166,7 +172,7 @@ def _angles_allowed(mission: MissionSections, given: float | None = None) -> lis
 
 def _target_keeps_limits(mission: MissionSections) -> Iterator[str]:
     limits, target, model = mission.limits, mission.target, mission.flight_model
-    if {"altitude", "speed"} & set(target.free_states):
+    if {"altitude", "speed"} & set(target.free_states) or not _has_an_angle(mission):
         return
     at_target = [target.altitude, 0.0, 0.0, target.speed, 0.0, 0.0, 0.0, *_angles_allowed(mission)]
     yield from _limits_exceeded_at(mission, "target", at_target, LATE)

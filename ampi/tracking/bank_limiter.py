@@ -11,7 +11,7 @@ the shortest allows, and stops in time if every cycle is the longest.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,8 +23,10 @@ NEAR_INVERTED = np.radians(170.0)  # 10° of overshoot are told from the other s
 
 
 @dataclass(frozen=True)
-class BankLimits:
+class AngleLimits:
     """±, rad, rad/s, rad/s²; of one vehicle, or an array (n,) each of n."""
+
+    of: ClassVar[str] = "angle"
 
     angle: Values
     rate: Values
@@ -35,8 +37,15 @@ class BankLimits:
             value = np.asarray(getattr(self, name), dtype=float)
             if not ((value > 0.0) & (value < np.inf)).all():
                 raise ValueError(
-                    f"bank limits: {name}: expected positive numbers (rad, rad/s, rad/s²), got {value}"
+                    f"{self.of} limits: {name}: expected positive numbers (rad, rad/s, rad/s²), "
+                    f"got {value}"
                 )
+
+
+class BankLimits(AngleLimits):
+    """Of the bank angle."""
+
+    of = "bank"
 
 
 def bank_on_turn(limits: BankLimits, bank: Any, reference: Any) -> Any:
@@ -52,7 +61,7 @@ def bank_on_turn(limits: BankLimits, bank: Any, reference: Any) -> Any:
 
 
 def limited_rate(
-    limits: BankLimits,
+    limits: AngleLimits,
     bank: Any,
     rate: Any,
     command: Any,
@@ -69,13 +78,13 @@ def limited_rate(
     # Having reached rate r at the end of the cycle, the vehicle stands at bank + (rate + r) cycle/2
     # and must still be able to stop, braking by a · cycle in each cycle from then on.
     ahead = bank + 0.5 * rate * cycle
-    up, down = _stopping_rate(np.array([limits.angle - ahead, limits.angle + ahead]), a, cycle)
+    up, down = stopping_rate(np.array([limits.angle - ahead, limits.angle + ahead]), a, cycle)
     wanted = np.minimum(np.maximum(command, -down), up)
     wanted = np.minimum(np.maximum(wanted, -limits.rate), limits.rate)
     return np.minimum(np.maximum(wanted, rate - change), rate + change)
 
 
-def _stopping_rate(room: Any, acceleration: Any, cycle: float) -> Any:
+def stopping_rate(room: Any, acceleration: Any, cycle: float) -> Any:
     """Greatest rate r at the cycle's end that stops within `room`; a rate back if there is none.
 
     Braking from r = a c (k + f), 0 ≤ f < 1, in steps of a c per cycle c, and the cycle that reaches r,

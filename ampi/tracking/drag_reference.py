@@ -16,6 +16,15 @@ The bank angle's magnitude is for drag; its sign is the reference's, unless the 
 with y the distance to the right of the reference and s its range to go: χ is the angle by which the rest
 of the reference, flown from here, would have to be turned to end where it does. Then the sign is the one
 that turns back, until half of the deadband is reached.
+
+Bank is slow: in thin air the answer takes a minute. The drag itself answers the angle of attack at once,
+
+    δα = −κ e / (∂ ln D/∂α),   e = ln D − ln D_ref,                                   (3)
+
+of the drag D that the vehicle would have without δα: so the drag, and with it the range, is near the
+reference's while the bank brings e back, and δα with it. A smaller angle takes away lift about as it
+takes away drag: it goes only as far as the bank angle leaves lift to spare, or the flight would sink
+into the drag that it avoids.
 """
 
 from __future__ import annotations
@@ -38,6 +47,7 @@ LOG_DRAG, LIFT_TO_DRAG, SCALE_HEIGHT, DRAG_SLOPE, RANGE_TO_GO = (
     for name in ("log_drag", "lift_to_drag", "drag_scale_height", "drag_slope", "range_to_go")
 )
 DEGREE = float(np.pi / 180.0)
+LEAST_SLOPE = 0.1  # 1/rad: an angle of attack that changes the drag less is left alone
 BEFORE_AIR = -1e9  # J/kg: below −E of whatever enters; times are counted from it
 DISTINCT = 1e-6  # s or J/kg between points of a reference, lest two are the same
 
@@ -107,6 +117,8 @@ class DragReference:
 
     gravitational_parameter: float  # m³/s², of the planet
     radius: float  # m, from which altitudes count
+    modulates: bool = False  # whether the angle of attack answers the drag, Eq. (3)
+    angle_gain: float = 1.0  # κ
     felt_drag: float = 0.5  # m/s²: above it (0.05 g) the air is felt
     lateral: LateralLogic = LateralLogic()
 
@@ -129,6 +141,21 @@ class DragReference:
         own, felt = np.abs(at[BANK]), sensed.drag > self.felt_drag
         cosine = np.minimum(np.maximum(cosine, -1.0), 1.0)
         return np.where(felt & np.isfinite(cosine), np.arccos(cosine), own)
+
+    def error(self, at: Array, sensed: Sensed, change: Array) -> Array:
+        """e of Eq. (3), (n,); `change` is the last δα. 0 where the drag is not known."""
+        off = np.log(sensed.drag / np.exp(at[LOG_DRAG])) - at[DRAG_SLOPE] * change
+        return np.where(sensed.known, off, 0.0)
+
+    def modulation(self, at: Array, sensed: Sensed, error: Array, cosine: Array) -> Array:
+        """δα (n,), rad, of Eq. (3), beside a bank angle of this `cosine`."""
+        if not self.modulates:
+            return np.zeros_like(error)
+        slope = at[DRAG_SLOPE]
+        steep = np.maximum(slope, LEAST_SLOPE)
+        acts = (sensed.drag > self.felt_drag) & (slope >= LEAST_SLOPE) & np.isfinite(cosine)
+        wanted = np.maximum(-self.angle_gain * error, -np.maximum(1.0 - cosine, 0.0)) / steep
+        return np.where(acts, wanted, 0.0)
 
     def steered(self, at: Array, told: Told, size: Array, turning: Array) -> Array:
         """Bank rate (rad/s) towards a bank angle of this `size`, on the side of the lateral logic."""

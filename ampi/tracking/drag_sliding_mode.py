@@ -1,4 +1,4 @@
-"""Drag tracking by a sliding mode with a disturbance observer; bank for drag, angle of attack for haste.
+"""Drag tracking by a sliding mode with a disturbance observer.
 
 The error e = ln D − ln D_ref is taken at equal energy, of the drag that the vehicle would have on its
 schedule of the angle of attack. At equal energy V dV = −g dh, so that with H the scale height of the
@@ -23,14 +23,6 @@ extended state observer of (s, d). What (3) leaves out grows with e, and is no c
 what a coefficient of lift may be off. On its reference, in a model that is true, the law asks for the
 reference's bank angle.
 
-Bank is slow: in thin air the answer takes a minute. The drag itself answers the angle of attack at once,
-
-    δα = −e / (∂ ln D/∂α),                                                                       (5)
-
-within its limits of size and rate, so that the drag, and with it the range, is the reference's while the
-bank brings e back. A smaller angle takes away lift about as it takes away drag: it goes only as far as
-(4) leaves lift to spare, or the flight would sink into the drag that it avoids.
-
 References
 ----------
 Sagliano, Mooij, Theil (2017), J. Guidance, Control, and Dynamics 40(3): the structure, an observer and
@@ -50,8 +42,6 @@ from numpy.typing import NDArray
 from ampi.tracking.drag_reference import (
     ALTITUDE,
     BANK,
-    DEGREE,
-    DRAG_SLOPE,
     FLIGHT_PATH_ANGLE,
     LIFT_TO_DRAG,
     LOG_DRAG,
@@ -64,17 +54,15 @@ from ampi.tracking.law import Told
 
 Array = NDArray[np.float64]
 
-TURNING, SURFACE, DISTURBANCE, ANGLE = range(4)  # rows of the memory
-LEAST_SLOPE = 0.1  # 1/rad: an angle of attack that changes the drag less is left alone
+TURNING, SURFACE, DISTURBANCE = range(3)  # rows of the memory
 
 
 @dataclass(frozen=True, kw_only=True)
 class DragSlidingMode(DragReference):
-    """Eqs. (1) to (5). Gains were found on tuning draws of SHEFEX-3, worlds entry and everything."""
+    """Eqs. (1) to (4). Gains were found on tuning draws of SHEFEX-3, worlds entry and everything."""
 
     name: ClassVar[str] = "drag_sliding_mode"
     senses: ClassVar[bool] = True
-    modulates: ClassVar[bool] = True
 
     surface: float = 1e-3  # s/m, λ/D_ref
     reaching: float = 4e-3  # s/m, k/D_ref
@@ -82,19 +70,15 @@ class DragSlidingMode(DragReference):
     boundary: float = 5e-3  # 1/s, φ
     bandwidth: float = 0.5  # 1/s, of the observer
     most_disturbance: float = 0.02  # of the lift: what d may stand for
-    most_angle: float = 5.0 * DEGREE  # rad, of δα
-    angle_rate: float = 5.0 * DEGREE  # rad/s
 
     def memory(self, n: int) -> Array:
-        """The side that turns back, (s, d) of the observer, and δα: zero."""
-        return np.zeros((4, n))
+        """The side that turns back, and (s, d) of the observer: zero."""
+        return np.zeros((3, n))
 
     def command(self, at: Array, told: Told, memory: Array) -> tuple[Array, Array]:
-        """Bank rate by Eq. (4) and the lateral logic, and δα of Eq. (5)."""
+        """Bank rate by Eq. (4) and the lateral logic, and δα of `DragReference`."""
         sensed, state = Sensed.of(at, told), told.state
-        drag, slope = np.exp(at[LOG_DRAG]), at[DRAG_SLOPE]
-        error = np.log(sensed.drag / drag) - slope * memory[ANGLE]
-        error = np.where(sensed.known, error, 0.0)
+        drag, error = np.exp(at[LOG_DRAG]), self.error(at, sensed, told.change)
         inverse = self._inverse_scale_height(at, state)
         climb = np.sin(state[FLIGHT_PATH_ANGLE]) - sensed.drag / drag * np.sin(
             at[FLIGHT_PATH_ANGLE]
@@ -116,10 +100,7 @@ class DragSlidingMode(DragReference):
         reaching = self.reaching * s + self.switching * s / (np.abs(s) + self.boundary)
         asked = memory[DISTURBANCE] + drag * (self.surface * rate + reaching)
         cosine = (vertical + asked / authority) / sensed.lift  # Eq. (4)
-        spare = np.where(acting, np.maximum(1.0 - cosine, 0.0), 0.0)
-        steep = np.maximum(slope, LEAST_SLOPE)
-        wanted = np.where(acting & (slope >= LEAST_SLOPE), -error / steep, 0.0)  # Eq. (5)
-        angle = self._angle(memory[ANGLE], np.maximum(wanted, -spare / steep), told.step)
+        angle = self.modulation(at, sensed, error, np.where(acting, cosine, np.nan))
         return self.steered(at, told, self.size(at, sensed, cosine), memory[TURNING]), angle
 
     def _inverse_scale_height(self, at: Array, state: Array) -> Array:
@@ -135,10 +116,3 @@ class DragSlidingMode(DragReference):
         off = s - ahead
         memory[SURFACE] = ahead + forgotten * (2.0 - forgotten) * off
         memory[DISTURBANCE] += forgotten**2 / step * off
-
-    def _angle(self, now: Array, wanted: Array, step: float) -> Array:
-        """δα (rad) within its limits of size and rate; `now` is changed in place."""
-        wanted = np.minimum(np.maximum(wanted, -self.most_angle), self.most_angle)
-        most = self.angle_rate * step
-        now[:] = np.minimum(np.maximum(wanted, now - most), now + most)
-        return now.copy()

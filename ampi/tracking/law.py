@@ -25,6 +25,7 @@ class Told:
     state: Array  # (7, n): h, θ, φ, V, γ, ψ, σ; SI, rad
     sensed: Array  # (3, n), m/s²: specific force along the velocity, up and to the right of it
     step: float  # s since the last command
+    change: Array  # (n,), rad: of the angle of attack, as it was commanded last
 
 
 class TrackingLaw(Protocol):
@@ -47,7 +48,7 @@ class TrackingLaw(Protocol):
 
     @property
     def modulates(self) -> bool:
-        """Whether it changes the angle of attack."""
+        """Whether it asks for changes of the angle of attack."""
         ...
 
     def memory(self, n: int) -> Array:
@@ -67,6 +68,8 @@ class TrackingLaw(Protocol):
 
     def command(self, at: Array, told: Told, memory: Array) -> tuple[Array, Array]:
         """Bank rate (rad/s) and change of the angle of attack (rad) that it asks for, (n,) each.
+
+        Limiters of guidance make of it what the vehicle can follow.
 
         Parameters
         ----------

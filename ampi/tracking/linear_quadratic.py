@@ -1,9 +1,10 @@
 """Time-varying linear-quadratic tracking of a reference.
 
-    u = u_ref(t) − K(t) (x − x_ref(t))                                           (1)
+    u = u_ref(t) − K(t) (x − x_ref(t)),   δα = −K_α(t) (x − x_ref(t))             (1)
 
-u is the bank rate. K comes with the reference: interpolated rows of the table, like any state, so
-nothing that flies differentiates a model. The function works on one flight or on a batch.
+u is the bank rate; δα, the change of the angle of attack, is asked for by a law that modulates. K and
+K_α come with the reference: interpolated rows of the table, like any state, so nothing that flies
+differentiates a model. The functions work on one flight or on a batch.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from ampi.onboard.row_layout import LINEAR_TRACKING, RowLayout
+from ampi.onboard.row_layout import LINEAR_TRACKING, STEERED_TRACKING, RowLayout
 from ampi.tracking.law import Told
 
 Array = NDArray[np.float64]
@@ -37,10 +38,15 @@ def bank_rate_command(state: Array, reference_state: Array, bank_rate: Any, gain
     bank_rate
         u_ref (rad/s), scalar or (flights,).
     """
+    return bank_rate - (gain * deviation(state, reference_state)).sum(axis=0)
+
+
+def deviation(state: Array, reference_state: Array) -> Array:
+    """x − x_ref of Eq. (1), shapes and units as of `bank_rate_command`."""
     error = state - reference_state
     error[LONGITUDE] = wrapped(error[LONGITUDE])
     error[AZIMUTH] = wrapped(error[AZIMUTH])
-    return bank_rate - (gain * error).sum(axis=0)
+    return error
 
 
 @dataclass(frozen=True)
@@ -48,9 +54,14 @@ class LinearQuadratic:
     """Eq. (1) with the reference looked up over time."""
 
     name: ClassVar[str] = "linear_quadratic"
-    layout: ClassVar[RowLayout] = LINEAR_TRACKING
     senses: ClassVar[bool] = False
-    modulates: ClassVar[bool] = False
+
+    modulates: bool = False
+
+    @property
+    def layout(self) -> RowLayout:
+        """With gains of both controls, if it modulates."""
+        return STEERED_TRACKING if self.modulates else LINEAR_TRACKING
 
     def memory(self, n: int) -> Array:
         """None is needed."""
@@ -65,9 +76,10 @@ class LinearQuadratic:
         return clock
 
     def command(self, at: Array, told: Told, memory: Array) -> tuple[Array, Array]:
-        """Bank rate of Eq. (1); the angle of attack stays as it is."""
+        """Eq. (1)."""
         layout = self.layout
-        rate = bank_rate_command(
-            told.state, at[layout.states], at[layout.bank_rate], at[layout.gains]
-        )
-        return rate, np.zeros_like(rate)
+        error = deviation(told.state, at[layout.states])
+        rate = at[layout.bank_rate] - (at[layout.gains] * error).sum(axis=0)
+        if not self.modulates:
+            return rate, np.zeros_like(rate)
+        return rate, -(at[layout.angle_gains] * error).sum(axis=0)

@@ -24,7 +24,7 @@ typedef double ampi_real;
 #define AMPI_N_STATES 7u    /* h, theta, phi, V, gamma, psi, sigma */
 #define AMPI_N_NAVIGATED 8u /* and the bank rate */
 #define AMPI_N_GAINS 16u
-#define AMPI_N_MEMORY 4u
+#define AMPI_N_MEMORY 3u
 
 typedef enum {
     AMPI_OK = 0,
@@ -56,7 +56,7 @@ typedef enum { AMPI_TRACKED = 0, AMPI_REFERENCE, AMPI_HELD, AMPI_PLANNED } ampi_
 typedef struct {
     double bank_rate;       /* rad/s, to be reached at the end of the cycle */
     double bank_angle;      /* rad, there */
-    double angle_of_attack; /* rad, to be added to the schedule's */
+    double angle_of_attack; /* rad, there: to be added to the schedule's; itself, where there is none */
     int32_t steering;       /* ampi_steering: by the law, the reference's own rate, held, by a plan */
     int32_t health;         /* ampi_health */
 } ampi_command;
@@ -66,7 +66,7 @@ typedef struct {
 typedef struct {
     struct {
         uint32_t kind, law, axes, rows, nodes, points, segments, widest, clips, is_cycle_stated;
-        uint32_t limit_axis[3], has_holes, text, spare;
+        uint32_t limit_axis[3], has_holes, text, modulates; /* the law, the angle of attack */
     } n;
     struct {
         uint32_t points, order, circular, spare;
@@ -78,13 +78,14 @@ typedef struct {
     } segment[AMPI_MAX_SEGMENTS];
     struct {
         double limit[3], cycle; /* bank angle, rate, acceleration; s, nominal */
+        double modulation[3];   /* the same of the change of the angle of attack; 0: there is none */
         double middle[AMPI_N_STATES], reach[AMPI_N_STATES]; /* plausible: |x - middle| <= reach */
         double gain[AMPI_N_GAINS];                          /* of the law */
     } set;
     const unsigned char *blob;
     size_t points_of[AMPI_MAX_AXES], stride[AMPI_MAX_AXES]; /* places; vertices a point further */
     size_t basis[AMPI_MAX_SEGMENTS], matrix[AMPI_MAX_SEGMENTS], first_node[AMPI_MAX_SEGMENTS];
-    size_t times, map, values, holes, columns;
+    size_t times, map, values, holes, columns, angle_row; /* 0: the angle of attack is scheduled */
     uint32_t checksum, is_open;
 } ampi_table;
 
@@ -107,6 +108,7 @@ typedef struct {
     double memory[AMPI_N_MEMORY];  /* of the law */
     double limit[3];               /* bank angle, rate, acceleration of this vehicle */
     double rate, bank, angle;      /* last command; NaN before the first, the angle of attack 0 */
+    double change, change_rate;    /* of the angle of attack, as commanded */
     double asked_rate, asked_angle; /* by a plan (ampi_correction.h), if `is_asked` */
     double given, now, interval, shortest, longest, expected; /* the clock, s */
     uint32_t begins, is_first; /* a time that does not go on begins a flight; the last one did */

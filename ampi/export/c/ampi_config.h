@@ -3,7 +3,7 @@
 #define AMPI_CONFIG_H
 #ifndef AMPI_MAX_AXES
 #define AMPI_MAX_AXES 12u         /* parameters */
-#define AMPI_MAX_ROWS 16u         /* states, control, gains or loads */
+#define AMPI_MAX_ROWS 24u         /* states, control, gains or loads */
 #define AMPI_MAX_NODES 256u       /* low-density nodes */
 #define AMPI_MAX_SEGMENTS 32u
 #define AMPI_MAX_DEGREE_NODES 32u /* nodes of one segment */

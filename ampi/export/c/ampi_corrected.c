@@ -106,11 +106,12 @@ static bool take_state(ampi_corrector *corrector, const ampi_model_data *model,
 }
 
 /* The change of the angle of attack follows its command behind a lag. */
-static void lag_change(ampi_corrector *corrector, const ampi_model_data *model, double passed)
+static void lag_change(ampi_corrector *corrector, const ampi_model_data *model, double passed,
+                       double commanded)
 {
     const double lag = most(model->corrector.lag, CHANGE_SLOWEST);
     if (passed > 0.0) {
-        corrector->change += (corrector->commanded - corrector->change) * (1.0 - exp(-passed / lag));
+        corrector->change += (commanded - corrector->change) * (1.0 - exp(-passed / lag));
     }
 }
 
@@ -151,7 +152,6 @@ static void ask(const ampi_corrector *corrector, const ampi_model_data *model, a
     const ampi_air air = ampi_air_at(model, &factors, state, &angles, angle);
     const double speed = ampi_equivalent_speed(model, corrector->target, state);
     const double lead = model->corrector.lead + guidance->expected; /* it is reached at its end */
-    const double most_change = model->corrector.change_rate * guidance->expected;
     double rates[6], slowing, ahead, bank, change;
     ampi_rates(model, state, &angles, &air, rates);
     slowing = (state[SPEED] * rates[SPEED] + model->load_gravity * rates[ALTITUDE]) / most(speed, 1.0);
@@ -160,7 +160,6 @@ static void ask(const ampi_corrector *corrector, const ampi_model_data *model, a
     guidance->asked_rate = (ampi_planned(&corrector->plan, 0u, AMPI_N_BANKS, ahead) - bank) / lead
                            + model->corrector.stiffness * (bank - state[BANK]);
     change = ampi_planned(&corrector->plan, AMPI_N_BANKS, AMPI_N_ANGLES, ahead);
-    change = clipped(change, corrector->commanded - most_change, corrector->commanded + most_change);
     guidance->asked_angle = change;
     guidance->is_asked = ((fabs(guidance->asked_rate) < AMPI_SANE) && (fabs(change) < AMPI_SANE)) ? 1u : 0u;
 }
@@ -180,9 +179,9 @@ ampi_command ampi_corrected_step(ampi_corrector *corrector, const ampi_model *mo
         const ampi_model_data *of = &model->of;
         const double passed = time - corrector->time;
         const bool is_state = take_state(corrector, of, guidance, table, time, told);
-        lag_change(corrector, of, passed);
+        lag_change(corrector, of, passed, guidance->change);
         if (is_state) {
-            const double unsure = 0.5 * fabs(corrector->commanded - corrector->change);
+            const double unsure = 0.5 * fabs(guidance->change - corrector->change);
             ampi_estimate_update(&corrector->estimate, of, time, corrector->state, felt,
                                  corrector->change, unsure);
         } else {
@@ -191,7 +190,6 @@ ampi_command ampi_corrected_step(ampi_corrector *corrector, const ampi_model *mo
         }
         correct_in_time(corrector, of, guidance, table, is_state);
         if (corrector->has_plan != 0u) { ask(corrector, of, guidance); }
-        if (guidance->is_asked != 0u) { corrector->commanded = guidance->asked_angle; }
     }
     return ampi_guidance_step(guidance, table, time, navigation, sensed);
 }

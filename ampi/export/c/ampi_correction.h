@@ -111,7 +111,7 @@ typedef struct {
     ampi_plan plan, trial;
     double target[4];                       /* h, theta, phi, V */
     double state[AMPI_N_NAVIGATED], time;   /* as navigated, or dead reckoned since */
-    double change, commanded;               /* of the angle of attack: flown, asked */
+    double change;                          /* of the angle of attack, as it is flown */
     double next, lost_since;                /* s: of the next correction, of navigation */
     double missed[AMPI_N_MISSED], to_go;    /* predicted: miss and excess of the plan; s */
     uint32_t has_plan, is_begun, iterations, propagations;

@@ -7,11 +7,10 @@
 #define LEAST_SLOPE 0.1   /* 1/rad: an angle of attack that changes the drag less is left alone */
 
 enum { /* gains, as ampi/export/blob.py writes them: of both drag laws, then of the one */
-    MU = 0, RADIUS, FELT_DRAG, DEADBAND, LEAST_RANGE, TURN_RATE, BRAKING, DRAG_GAIN, DESCENT_GAIN,
-    LAMBDA = DRAG_GAIN, REACHING, SWITCHING, BOUNDARY, BANDWIDTH, MOST_DISTURBANCE, MOST_ANGLE,
-    ANGLE_RATE
+    MU = 0, RADIUS, FELT_DRAG, ANGLE_GAIN, DEADBAND, LEAST_RANGE, TURN_RATE, BRAKING, DRAG_GAIN, DESCENT_GAIN,
+    LAMBDA = DRAG_GAIN, REACHING, SWITCHING, BOUNDARY, BANDWIDTH, MOST_DISTURBANCE
 };
-enum { TURNING = 0, SURFACE, DISTURBANCE, ANGLE }; /* memory of the drag laws */
+enum { TURNING = 0, SURFACE, DISTURBANCE }; /* memory of the drag laws */
 
 typedef struct {
     double drag, lift; /* m/s^2; the reference's where they are not known */
@@ -32,14 +31,20 @@ static double wrapped(double angle)
     return chosen((shifted < 0.0) && (rest > 0.0), AMPI_TURN - rest, rest) - AMPI_PI;
 }
 
-static double linear_quadratic(const double *at, const double *state)
+static double linear_quadratic(const ampi_table *table, const double *at, const double *state,
+                               double *angle)
 {
-    double sum = 0.0;
+    double sum = 0.0, of_angle = 0.0, error[AMPI_N_STATES];
     size_t i;
     for (i = 0u; i < AMPI_N_STATES; i++) {
-        const double error = state[i] - at[i];
-        sum += at[FIRST_GAIN + i] * (((i == LONGITUDE) || (i == AZIMUTH)) ? wrapped(error) : error);
+        error[i] = state[i] - at[i];
+        if ((i == LONGITUDE) || (i == AZIMUTH)) { error[i] = wrapped(error[i]); }
+        sum += at[FIRST_GAIN + i] * error[i];
     }
+    for (i = 0u; (table->n.modulates != 0u) && (i < AMPI_N_STATES); i++) {
+        of_angle += at[FIRST_ANGLE_GAIN + i] * error[i];
+    }
+    *angle = -of_angle;
     return at[BANK_RATE] - sum;
 }
 
@@ -174,24 +179,47 @@ static double steered(const double *gain, const double *at, const double *state,
     return chosen(fabs(rate) < HUGE_VAL, rate, at[BANK_RATE]);
 }
 
-static double drag_shuttle(ampi_guidance *guidance, const double *gain, const double *state,
-                           const double *sensed)
+/* e of Eq. (3): of the drag without the change of the angle of attack. */
+static double error_of(const double *at, accelerations felt, double change)
 {
-    const double *at = guidance->row;
-    const accelerations felt = sensed_of(at, sensed);
-    const double climb = state[SPEED] * sin(state[PATH_ANGLE]) - at[SPEED] * sin(at[PATH_ANGLE]);
-    const double more = felt.drag - exp(at[LOG_DRAG]);
-    const double vertical = at[LIFT_TO_DRAG] * cos(at[BANK]) + gain[DRAG_GAIN] * more
-                            + gain[DESCENT_GAIN] * climb; /* Eq. (1) */
-    return steered(gain, at, state, felt, vertical * felt.drag / felt.lift, &guidance->memory[TURNING]);
+    const double off = log(felt.drag / exp(at[LOG_DRAG])) - at[DRAG_SLOPE] * change;
+    return chosen(felt.is_known, off, 0.0);
 }
 
-static double drag_sliding_mode(ampi_guidance *guidance, const double *gain, const double *state,
-                                const double *sensed, double *angle)
+/* Eq. (3), beside a bank angle of this cosine. */
+static double modulation(const double *gain, const double *at, accelerations felt, double error,
+                         double cosine)
 {
-    const double *at = guidance->row;
+    const double steep = most(at[DRAG_SLOPE], LEAST_SLOPE);
+    const double wanted = most(-gain[ANGLE_GAIN] * error, -most(1.0 - cosine, 0.0)) / steep;
+    const bool acts = (felt.drag > gain[FELT_DRAG]) & (at[DRAG_SLOPE] >= LEAST_SLOPE)
+                      & (fabs(cosine) < HUGE_VAL);
+    return chosen(acts, wanted, 0.0);
+}
+
+static double drag_shuttle(ampi_guidance *guidance, const ampi_table *table, const double *state,
+                           const double *sensed, double *angle)
+{
+    const double *at = guidance->row, *gain = table->set.gain;
     const accelerations felt = sensed_of(at, sensed);
-    const double step = guidance->expected, drag = exp(at[LOG_DRAG]), slope = at[DRAG_SLOPE];
+    const bool modulates = table->n.modulates != 0u;
+    const double error = modulates ? error_of(at, felt, guidance->change) : 0.0;
+    const double drag = modulates ? (exp(at[LOG_DRAG]) * exp(error)) : felt.drag;
+    const double climb = state[SPEED] * sin(state[PATH_ANGLE]) - at[SPEED] * sin(at[PATH_ANGLE]);
+    const double more = drag - exp(at[LOG_DRAG]);
+    const double vertical = at[LIFT_TO_DRAG] * cos(at[BANK]) + gain[DRAG_GAIN] * more
+                            + gain[DESCENT_GAIN] * climb; /* Eq. (1) */
+    const double cosine = vertical * felt.drag / felt.lift;
+    *angle = modulates ? modulation(gain, at, felt, error, cosine) : 0.0;
+    return steered(gain, at, state, felt, cosine, &guidance->memory[TURNING]);
+}
+
+static double drag_sliding_mode(ampi_guidance *guidance, const ampi_table *table,
+                                const double *state, const double *sensed, double *angle)
+{
+    const double *at = guidance->row, *gain = table->set.gain;
+    const accelerations felt = sensed_of(at, sensed);
+    const double step = guidance->expected, drag = exp(at[LOG_DRAG]);
     const double far = gain[RADIUS] + state[ALTITUDE], gravity = gain[MU] / (far * far);
     const double inverse = 1.0 / at[SCALE_HEIGHT] + 2.0 * gravity / (state[SPEED] * state[SPEED]);
     const double climb = sin(state[PATH_ANGLE]) - felt.drag / drag * sin(at[PATH_ANGLE]);
@@ -200,38 +228,39 @@ static double drag_sliding_mode(ampi_guidance *guidance, const double *gain, con
     const double vertical = drag * at[LIFT_TO_DRAG] * cos(at[BANK]);
     const double above = felt.lift * cos(state[BANK]) - vertical;
     const double bound = gain[MOST_DISTURBANCE] * felt.lift * authority;
-    const double forgotten = -expm1(-gain[BANDWIDTH] * step), steep = most(slope, LEAST_SLOPE);
+    const double forgotten = -expm1(-gain[BANDWIDTH] * step);
     double *memory = guidance->memory;
-    const double off = log(felt.drag / drag) - slope * memory[ANGLE];
-    const double error = chosen(felt.is_known, off, 0.0);
+    const double error = error_of(at, felt, guidance->change);
     const double s = rate + gain[LAMBDA] * drag * error;
     const double known = gain[LAMBDA] * drag * rate - authority * above;
     const bool is_acting = (felt.drag > gain[FELT_DRAG]) & (fabs(s + known) < HUGE_VAL);
     const double ahead = memory[SURFACE] + step * (known + memory[DISTURBANCE]); /* the observer */
     const double d = memory[DISTURBANCE] + forgotten * forgotten / step * (s - ahead);
-    double asked, cosine, spare, wanted, change;
+    double asked, cosine;
 
     memory[DISTURBANCE] = chosen(is_acting, clipped(d, -bound, bound), 0.0);
     memory[SURFACE] = chosen(is_acting, ahead + forgotten * (2.0 - forgotten) * (s - ahead), 0.0);
     asked = gain[REACHING] * s + gain[SWITCHING] * s / (fabs(s) + gain[BOUNDARY]);
     asked = memory[DISTURBANCE] + drag * (gain[LAMBDA] * rate + asked);
     cosine = (vertical + asked / authority) / felt.lift; /* Eq. (4) */
-    spare = chosen(is_acting, most(1.0 - cosine, 0.0), 0.0);
-    wanted = chosen(is_acting & (slope >= LEAST_SLOPE), -error / steep, 0.0); /* Eq. (5) */
-    wanted = clipped(most(wanted, -spare / steep), -gain[MOST_ANGLE], gain[MOST_ANGLE]);
-    change = gain[ANGLE_RATE] * step;
-    memory[ANGLE] = clipped(wanted, memory[ANGLE] - change, memory[ANGLE] + change);
-    *angle = memory[ANGLE];
+    *angle = 0.0;
+    if (table->n.modulates != 0u) {
+        *angle = modulation(gain, at, felt, error, chosen(is_acting, cosine, AMPI_NAN));
+    }
     return steered(gain, at, state, felt, cosine, &memory[TURNING]);
 }
 
 double ampi_law_command(ampi_guidance *guidance, const ampi_table *table, const double *state,
                         const double *sensed, double *angle)
 {
-    *angle = 0.0;
-    if (table->n.law == AMPI_LINEAR_QUADRATIC) { return linear_quadratic(guidance->row, state); }
-    if (table->n.law == AMPI_DRAG_SHUTTLE) {
-        return drag_shuttle(guidance, table->set.gain, state, sensed);
+    double rate;
+
+    if (table->n.law == AMPI_LINEAR_QUADRATIC) {
+        rate = linear_quadratic(table, guidance->row, state, angle);
+    } else if (table->n.law == AMPI_DRAG_SHUTTLE) {
+        rate = drag_shuttle(guidance, table, state, sensed, angle);
+    } else {
+        rate = drag_sliding_mode(guidance, table, state, sensed, angle);
     }
-    return drag_sliding_mode(guidance, table->set.gain, state, sensed, angle);
+    return rate;
 }

@@ -24,7 +24,8 @@ enum { AMPI_LINEAR_QUADRATIC = 0, AMPI_DRAG_SLIDING_MODE, AMPI_DRAG_SHUTTLE };
 enum {
     ALTITUDE = 0, LONGITUDE, LATITUDE, SPEED, PATH_ANGLE, AZIMUTH, BANK, BANK_RATE, FIRST_GAIN,
     LOG_DRAG = FIRST_GAIN, LIFT_TO_DRAG, SCALE_HEIGHT, DRAG_SLOPE, RANGE_TO_GO, N_DRAG_ROWS,
-    N_LINEAR_ROWS = FIRST_GAIN + 7
+    FIRST_ANGLE_GAIN = FIRST_GAIN + 7, N_LINEAR_ROWS = FIRST_ANGLE_GAIN,
+    N_STEERED_ROWS = FIRST_ANGLE_GAIN + 7 /* where the law changes the angle of attack, too */
 };
 
 /* One of two by its place: as many instructions for the one as for the other, as no branch takes. */

@@ -21,7 +21,7 @@ static void restart(ampi_guidance *guidance, const ampi_table *table)
 static void forget(ampi_guidance *guidance)
 {
     guidance->rate = guidance->bank = AMPI_NAN;
-    guidance->angle = 0.0;
+    guidance->angle = guidance->change = guidance->change_rate = 0.0;
     (void)memset(guidance->memory, 0, sizeof guidance->memory);
 }
 
@@ -142,14 +142,28 @@ static double next_rate(double rate, double wanted, double fastest, double chang
 }
 
 /* The rate at the end of this cycle, within the limits of angle, rate and acceleration. */
-static double limited_rate(const ampi_guidance *guidance, double bank, double rate, double command)
+static double limited_rate(const ampi_guidance *guidance, const double limit[3], double angle,
+                           double rate, double command)
 {
     const double cycle = guidance->longest;
-    const double a = guidance->limit[2] * (guidance->shortest / cycle);
-    const double ahead = bank + 0.5 * rate * cycle;
-    const double up = stopping_rate(guidance->limit[0] - ahead, a, cycle);
-    const double down = stopping_rate(guidance->limit[0] + ahead, a, cycle);
-    return next_rate(rate, clipped(command, -down, up), guidance->limit[1], a * cycle);
+    const double a = limit[2] * (guidance->shortest / cycle);
+    const double ahead = angle + 0.5 * rate * cycle;
+    const double up = stopping_rate(limit[0] - ahead, a, cycle);
+    const double down = stopping_rate(limit[0] + ahead, a, cycle);
+    return next_rate(rate, clipped(command, -down, up), limit[1], a * cycle);
+}
+
+/* Changes the angle of attack towards what is wanted, and stops there in time. */
+static void modulate(ampi_guidance *guidance, const double limit[3], double wanted)
+{
+    const double cycle = guidance->longest, last = guidance->change_rate;
+    const double a = limit[2] * (guidance->shortest / cycle);
+    const double known = chosen(fabs(wanted) < AMPI_SANE, wanted, guidance->change);
+    const double room = clipped(known, -limit[0], limit[0]) - (guidance->change + 0.5 * last * cycle);
+    const double asked = copysign(stopping_rate(fabs(room), a, cycle), room);
+
+    guidance->change_rate = limited_rate(guidance, limit, guidance->change, last, asked);
+    guidance->change += 0.5 * (last + guidance->change_rate) * guidance->expected;
 }
 
 /* Without the table that the flight was begun with: the bank angle of the last command is held, and its
@@ -202,7 +216,7 @@ ampi_command ampi_guidance_step(ampi_guidance *guidance, const ampi_table *table
     state[BANK] = bank;
     wanted = ampi_law_command(guidance, table, state, felt, &angle);
     wanted = chosen(is_state, wanted, own);
-    angle = chosen(is_state, angle, guidance->angle);
+    angle = chosen(is_state, angle, guidance->change);
     is_ended = is_ended && !is_asked; /* a plan has an end of its own */
     is_held = is_ended || (is_lost && !is_asked);
 
@@ -221,9 +235,11 @@ ampi_command ampi_guidance_step(ampi_guidance *guidance, const ampi_table *table
     last = chosen(guidance->rate != guidance->rate, own, guidance->rate);
     rate = chosen(is_rate, told[BANK_RATE], last);
     last = chosen(guidance->rate != guidance->rate, rate, guidance->rate);
-    guidance->rate = limited_rate(guidance, bank, last, wanted);
+    guidance->rate = limited_rate(guidance, guidance->limit, bank, last, wanted);
     guidance->bank = bank + 0.5 * (rate + guidance->rate) * guidance->expected;
-    guidance->angle = angle;
+    if (table->set.modulation[0] > 0.0) { modulate(guidance, table->set.modulation, angle); }
+    guidance->angle = guidance->change;
+    if (table->angle_row != 0u) { guidance->angle = guidance->row[table->angle_row] + guidance->change; }
     command.bank_rate = guidance->rate;
     command.bank_angle = guidance->bank;
     command.angle_of_attack = guidance->angle;

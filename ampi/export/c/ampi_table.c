@@ -53,7 +53,7 @@ static ampi_status header_status(const header *told, const unsigned char *blob, 
 {
     if (memcmp(told->magic, MAGIC, sizeof MAGIC) != 0) { return AMPI_FOREIGN; }
     if (told->mark != 0x01020304u) { return AMPI_BYTE_ORDER; }
-    if ((told->format != 1u) || ((told->spare[0] | told->spare[1]) != 0u)) { return AMPI_VERSION; }
+    if ((told->format != 2u) || ((told->spare[0] | told->spare[1]) != 0u)) { return AMPI_VERSION; }
     if ((size_t)told->size != (size - sizeof *told)) { return AMPI_TRUNCATED; }
     return (ampi_crc_32(blob, sizeof *told, size) == told->checksum) ? AMPI_OK : AMPI_CHECKSUM;
 }
@@ -65,14 +65,23 @@ static bool is_too_large(const ampi_table *table)
            || (table->n.segments > AMPI_MAX_SEGMENTS) || (table->n.widest > AMPI_MAX_DEGREE_NODES);
 }
 
+/* Rows of the law; those of a vehicle without a schedule of the angle of attack end with that. */
+static size_t rows_of_law(const ampi_table *table)
+{
+    const size_t linear = (table->n.modulates != 0u) ? N_STEERED_ROWS : N_LINEAR_ROWS;
+    return (table->n.law == AMPI_LINEAR_QUADRATIC) ? linear : N_DRAG_ROWS;
+}
+
 /* Copies axes, segments and settings; whether their counts agree with each other. */
 static bool are_counts_good(ampi_table *table, reader *from)
 {
-    const size_t rows = (table->n.law == AMPI_LINEAR_QUADRATIC) ? N_LINEAR_ROWS : N_DRAG_ROWS;
-    bool is_good = (table->n.axes > 0u) && (table->n.rows == rows) && (table->n.points > 1u)
+    const size_t rows = rows_of_law(table);
+    bool is_good = (table->n.axes > 0u) && (table->n.points > 1u)
+                   && ((table->n.rows == rows) || (table->n.rows == (rows + 1u)))
                    && (table->n.kind <= AMPI_INT16) && (table->n.law <= AMPI_DRAG_SHUTTLE);
     size_t i, node = 0u, points = 0u;
 
+    table->angle_row = (table->n.rows == rows) ? 0u : rows;
     (void)taken(from, table->n.text, 1u); /* for people */
     for (i = 0u; i < table->n.axes; i++) {
         copy(from, table, &table->axis[i], sizeof table->axis[i]);
@@ -139,7 +148,10 @@ static bool are_numbers_good(const ampi_table *table)
         (void)memcpy(&value, &table->blob[table->values + sizeof value * i], sizeof value);
         is_good = is_good && (fabs((double)value) < HUGE_VAL);
     }
-    for (i = 0u; i < 3u; i++) { is_good = is_good && (table->set.limit[i] > 0.0); }
+    for (i = 0u; i < 3u; i++) {
+        is_good = is_good && (table->set.limit[i] > 0.0)
+                  && ((table->set.modulation[i] > 0.0) == (table->set.modulation[0] > 0.0));
+    }
     for (i = 0u; i < table->n.axes; i++) {
         is_good = is_good && (table->axis[i].low <= table->axis[i].nominal)
                   && (table->axis[i].nominal <= table->axis[i].high)
