@@ -89,6 +89,8 @@ def _fly(mission: Mission, bank_angle: float, reached: Event) -> Coast | None:
     model = mission.flight_model
     start = np.append(mission.entry_state, bank_angle)
     given = mission.entry.angle_of_attack
+    if given is None and mission.guess is not None:
+        given = mission.guess.angle_of_attack
     start = np.append(start, middle_angle(mission, start) if given is None else given)
     if reached(0.0, start) >= 0.0:
         return Coast(np.zeros(1), start[:, None])
