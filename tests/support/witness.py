@@ -21,7 +21,6 @@ from ampi.missions import Mission
 from ampi.physics.equations_of_motion import equations_of_motion
 from ampi.physics.path_constraints import path_constraints
 from ampi.physics.state import ENTRY_STATES
-from ampi.physics.vehicle import air_loads
 from ampi.scp.guess import NodalGuess
 from ampi.scp.problem.objective import Objective
 from ampi.scp.problem.problem_numbers import ProblemNumbers
@@ -47,11 +46,11 @@ def numpy_of_symbols() -> Iterator[None]:
 
 
 def path_limits(mission: Mission, state: Any, time: Any) -> tuple[Any, Any]:
-    """Limits g ≤ 1 of the mission at the seven states (SI), and the heat flux in W/m²."""
+    """Limits g ≤ 1 of the mission at its states (SI), and the heat flux in W/m²."""
     limits, model = mission.limits, mission.flight_model
     with numpy_of_symbols():
         q, heat, load = path_constraints(model, state, time)
-        drag = air_loads(model.vehicle, model.atmosphere, state[0], state[3], time).drag
+        drag = model.air_loads(ca.vertsplit(state), time).drag
     g = [q / limits.dynamic_pressure, heat / limits.heat_flux, load / limits.load_factor]
     if limits.drag_floor is not None:
         floor = limits.drag_floor * model.planet.load_factor_gravity
@@ -61,6 +60,11 @@ def path_limits(mission: Mission, state: Any, time: Any) -> tuple[Any, Any]:
         along = np.cos(zone.latitude) * ca.cos(state[2]) * ca.cos(state[1] - zone.longitude)
         width = 1.0 - np.cos(zone.radius / model.planet.equatorial_radius)
         g.append(2.0 - (1.0 - over - along) / width)
+    angle = mission.angle_of_attack
+    if angle is not None and angle.over == "speed":
+        held = ca.fmin(ca.fmax(state[3], angle.at[0]), angle.at[-1])
+        low, high = (ca.pw_lin(held, np.array(angle.at), np.array(b)) for b in angle.points)
+        g += [1.0 + low - state[7], 1.0 + state[7] - high]
     return ca.vertcat(*g), heat
 
 

@@ -140,7 +140,9 @@ class CondensedDynamics:
         moving = self._of(cases, self.moving).reshape(len(cases), -1, n_z) @ z[:, :, None]
         rate = (self._of(cases, self.longitude_rate) @ z[:, :, None])[:, :, 0]
         found = np.zeros((self.n_states, len(cases), n))
-        found[list(self.states)] = moving.reshape(len(cases), n, -1).transpose(2, 0, 1)
+        found[list(self.states)] = moving.reshape(len(cases), n, len(self.states)).transpose(
+            2, 0, 1
+        )
         found[LONGITUDE, :, 1:] = _integrated(self.transcription.integration, rate)
         return found
 
@@ -230,7 +232,7 @@ class CondensedDynamics:
         return np.asarray(found[:, 0])
 
     def rows(self, case: int, node: NDArray[np.intp], gradient: Array) -> Array:
-        """Rows over z (r, n_z) of one case: each a `gradient` (r, s + 1) over (x, t) at a `node` (r,)."""
+        """Rows over z (r, n_z) of one case: a `gradient` (r, s + 1) over (x, t) at each `node` (r,)."""
         found = np.einsum("ri,riz->rz", gradient[:, self.states], self.moving[case, node])
         on_longitude = gradient[:, LONGITUDE]
         if on_longitude.any():

@@ -100,11 +100,8 @@ def quadratic_subproblem(
         hessian = convexify_on_tangent(hessian, held, floor)
     node, kind = np.nonzero(point.path > settings.screening)
     path_rows = condensed.rows(0, node, _limit_gradients(condensed, problem.n_limits)[kind, node])
-    angle_map, at_places, (lower, upper) = _angle_places(flight, point, settings)
-    n_nodes = len(iterate.states)
-    nodal = np.concatenate(
-        [condensed.moving[0, :, N_CORE + k] for k in range(condensed.n_controls)]
-    )
+    angle_map, lower, upper = _angle_rooms(flight, point, settings)
+    m, nodal = condensed.n_controls, condensed.moving[0, :, N_CORE:]
     return ConvexSubproblem(
         hessian=hessian,
         gradient=_gradient(flight, point, condensed),
@@ -116,16 +113,14 @@ def quadratic_subproblem(
         target_error=point.target_error,
         target_price=np.zeros(len(target)),
         rate_rows=_rate_rows(t, condensed),
-        rate=t.nodal_rate(iterate.controls[None], condensed.n_controls)[0],
+        rate=t.nodal_rate(iterate.controls[None], m)[0],
         given_rates=problem.given_rates,
         angle_map=angle_map,
-        angle_rows=angle_map @ nodal,
-        # an iterate is within the bounds at the nodes; between them it may be beyond by what the second
-        # order of a step has left, and must not go on
-        angle_lower=np.minimum(lower - at_places, 0.0),
-        angle_upper=np.maximum(upper - at_places, 0.0),
+        angle_rows=angle_map @ np.concatenate([nodal[:, k] for k in range(m)]),
+        angle_lower=lower,
+        angle_upper=upper,
         final_time_column=len(iterate.controls),
-        n_nodes=n_nodes,
+        n_nodes=len(iterate.states),
         radius=np.inf,
         path_rows=path_rows,
         path_room=1.0 - point.path[node, kind],
@@ -136,31 +131,30 @@ def quadratic_subproblem(
     )
 
 
-def _angle_places(
+def _angle_rooms(
     flight: Flight, point: Point, settings: CurvatureSettings
-) -> tuple[Array, Array, tuple[Array, Array]]:
-    """Where the steered angles are bounded: at all nodes of all of them, and where one is near a bound.
+) -> tuple[Array, Array, Array]:
+    """How far the steered angles may go, at all nodes and where one is near a bound between them.
 
-    The map (b, m n) from their nodal values to those places, the values there, and the bounds (b,).
+    The map (b, m n) from their nodal values to those places, and the room down and up there (b,). An
+    iterate is within the bounds at the nodes; between them it may be beyond by what the second order of
+    a step has left, and must not go on.
     """
-    t, problem = flight.transcription, flight.problem
-    n, m = len(point.path), problem.n_controls
-    maps, bounds = (
-        [np.eye(m * n)],
-        [(np.repeat(a.lower, n), np.repeat(a.upper, n)) for a in problem.angles],
-    )
-    for k, angle in enumerate(problem.angles):
+    t, problem, n = flight.transcription, flight.problem, len(point.path)
+    angles, nodal = problem.angles, point.iterate.states[:, BANK:].T
+    maps, owner = [np.eye(nodal.size)], [np.repeat(np.arange(len(angles)), n)]
+    for k, (angle, values) in enumerate(zip(angles, nodal, strict=True)):
         # the polynomial overshoots its nodes where it comes to a bound
-        away = np.abs(t.between @ point.iterate.states[:, angle.state] - angle.middle)
+        away = np.abs(t.between @ values - angle.middle)
         near = np.flatnonzero(away > settings.bank_screening * angle.half_width)
-        rows = np.zeros((len(near), m * n))
+        rows = np.zeros((len(near), nodal.size))
         rows[:, k * n : (k + 1) * n] = t.between[near]
         maps.append(rows)
-        bounds.append((np.repeat(angle.lower, len(near)), np.repeat(angle.upper, len(near))))
-    angle_map = np.vstack(maps)
-    nodal = np.concatenate([point.iterate.states[:, angle.state] for angle in problem.angles])
-    lower, upper = (np.concatenate(side) for side in zip(*bounds, strict=True))
-    return angle_map, angle_map @ nodal, (lower, upper)
+        owner.append(np.full(len(near), k))
+    angle_map, of = np.vstack(maps), np.concatenate(owner)
+    at_places = angle_map @ nodal.ravel()
+    lower, upper = (np.array([getattr(a, side) for a in angles])[of] for side in ("lower", "upper"))
+    return angle_map, np.minimum(lower - at_places, 0.0), np.maximum(upper - at_places, 0.0)
 
 
 def _rate_rows(t: RadauTranscription, condensed: CondensedDynamics) -> Array:

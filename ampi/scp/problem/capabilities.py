@@ -15,6 +15,9 @@ from ampi.missions.mission import Mission
 from ampi.missions.path_limits import PathLimits
 from ampi.missions.sections import TARGET_WEIGHTS, TERMS
 
+STEERED = ("bank_angle", "bank_rate", "angle_of_attack", "angle_of_attack_rate")
+GIVEN_AT_ENTRY = frozenset(f"entry.{name}" for name in STEERED)
+
 
 class MethodError(ValueError):
     """A method was asked for what it does not know."""
@@ -40,8 +43,12 @@ def asked_for(mission: Mission) -> tuple[list[str], list[str]]:
         "final azimuth": target.azimuth is not None,
         "free position": target.position == "free",
         "fixed phases": len(mission.mesh.phase) > 1,
+        "angle_of_attack": mission.angle_of_attack is not None,
         "design margins": any(limits.share(name) < 1.0 for name in PathLimits.of(mission).names),
     }
+    for name in STEERED:
+        constraints[f"entry.{name}"] = getattr(mission.entry, name) is not None
+    constraints["entry.time"] = mission.entry.time > 0.0
     terms = {name: getattr(objective, name) != 0.0 for name in TERMS}
     terms["target weights"] = getattr(objective, TARGET_WEIGHTS[0]) is not None
     return [n for n, asked in constraints.items() if asked], [
@@ -58,24 +65,32 @@ CONDENSED = Capabilities(
             "final azimuth",
             "free position",
             "fixed phases",
+            "angle_of_attack",
             "design margins",
+            "entry.time",
+            *GIVEN_AT_ENTRY,
         }
     ),
     terms=frozenset({*TERMS, "target weights"}),
 )
 
 OVER_TIME = Capabilities(  # the literature's methods over time
-    constraints=CONDENSED.constraints - {"fixed phases", "design margins"},
-    terms=frozenset(TERMS) - {"cross_range", "final_speed", "angle_of_attack_effort"},
+    constraints=CONDENSED.constraints - {"fixed phases", "design margins", "entry.time"},
+    terms=frozenset(TERMS),
 )
 OVER_ENERGY = Capabilities(
-    constraints=OVER_TIME.constraints | {"bank_angle_minimum"},
+    constraints=OVER_TIME.constraints - {"angle_of_attack", *GIVEN_AT_ENTRY}
+    | {"bank_angle_minimum"},
     # the bank-rate effort makes an optimum over time unique; over energy there is no bank rate, and
     # Liu 2015, Eq. (38) regularises by the heading instead
     terms=frozenset({"flight_time", "heat_load", "ground_range", "bank_rate_effort"}),
 )
 
-STRAIGHT_LINES = replace(OVER_TIME, constant_bank=False)
+STRAIGHT_LINES = replace(  # until they begin, no bank angle is flown, and one angle of attack
+    OVER_TIME,
+    constraints=OVER_TIME.constraints - GIVEN_AT_ENTRY | {"entry.angle_of_attack"},
+    constant_bank=False,
+)
 
 METHODS: Mapping[str, Capabilities] = {
     "exact_hessian": CONDENSED,

@@ -264,6 +264,10 @@ class OptimalControlProblem:
         rates = ((k, angle.scaled_entry_rate) for k, angle in enumerate(self.angles))
         return tuple((k, rate) for k, rate in rates if rate is not None)
 
+    def in_si(self, rates: Array) -> Array:
+        """Rates û of the controls (m, n) in rad/s."""
+        return np.stack([r * a.rate_limit for r, a in zip(rates, self.angles, strict=True)])
+
     @cached_property
     def n_limits(self) -> int:
         """How many path limits there are."""
