@@ -141,5 +141,7 @@ def test_a_law_that_modulates_flies_by_gains_of_both(
     gains = steering_gains(
         family, flight.mesh, flight.states[None], final_time, SteeringSettings()
     )[0]
-    both = [table.values[1, 1, table.layout.of(kind)] for kind in (RowKind.GAIN, RowKind.ANGLE_GAIN)]
+    both = [
+        table.values[1, 1, table.layout.of(kind)] for kind in (RowKind.GAIN, RowKind.ANGLE_GAIN)
+    ]
     assert np.concatenate(both) == pytest.approx(gains, rel=1e-9, abs=1e-12 * np.abs(gains).max())

@@ -41,7 +41,9 @@ def test_a_true_flight_is_found_true(mission: Mission, flight: Trajectory) -> No
         np.full(200, flight.final_time),
     )
     assert many.states[7] == pytest.approx(check.states[0], rel=1e-9)
-    assert np.array_equal(many.fine_states[0, ANGLE_OF_ATTACK], check.fine_states[0, ANGLE_OF_ATTACK])
+    assert np.array_equal(
+        many.fine_states[0, ANGLE_OF_ATTACK], check.fine_states[0, ANGLE_OF_ATTACK]
+    )
 
 
 def test_an_angle_of_attack_that_was_not_flown_is_found_out(

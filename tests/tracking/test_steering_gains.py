@@ -99,7 +99,7 @@ class Linear:
         return found
 
     def final_miss(self, gains: Array, error: Array) -> float:
-        """Acceptable misses at the end of a flight that begins with `error` (7,) under K (count, 2, 7)."""
+        """Acceptable misses at the end of a flight that begins with `error` (7,) under its gains."""
         x = error
         for k in range(self.count):
             u = -gains[k] @ x
