@@ -26,7 +26,7 @@ from ampi.missions.units import Dimension, Number, Section
 from ampi.physics.equations_of_motion import FlightModel
 from ampi.physics.state import ALTITUDE, ANGLE_OF_ATTACK, SPEED
 
-Angles = Annotated[tuple[float, ...], Dimension("angle")]
+Angles = Annotated[tuple[float, ...], Dimension("angle", is_list=True)]
 
 
 class AngleOfAttackControlSection(Section):
@@ -54,8 +54,8 @@ class AngleOfAttackControlSection(Section):
     @field_validator("lower", "upper")
     @classmethod
     def _angles_are_flown(cls, value: tuple[float, ...]) -> tuple[float, ...]:
-        if not value or max(abs(angle) for angle in value) > 0.5 * np.pi:
-            raise ValueError("expected angles from -90 to 90 degrees")
+        if not value or max(abs(angle) for angle in value) > np.pi:
+            raise ValueError("expected angles from -180 to 180 degrees")
         return value
 
     @model_validator(mode="after")

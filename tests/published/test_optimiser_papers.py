@@ -1,4 +1,4 @@
-"""The tables of the four optimiser papers: every row that is judged holds, but for those named here."""
+"""The tables of the optimiser papers: every row that is judged holds, but for those named here."""
 
 from __future__ import annotations
 

@@ -27,6 +27,7 @@ matrix product's own two. Arrays of states have their axis first, (s, c, n); res
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -102,22 +103,22 @@ class CondensedDynamics:
         """Length of z, Eq. (3)."""
         return int(self.moving.shape[3])
 
-    @property
+    @cached_property
     def n_states(self) -> int:
         """s: seven, or eight."""
         return len(self.derivatives.rates)
 
-    @property
+    @cached_property
     def n_controls(self) -> int:
         """m: one, or two."""
         return self.n_states - BANK
 
-    @property
+    @cached_property
     def states(self) -> tuple[int, ...]:
         """`moving_states`."""
         return moving_states(self.n_states)
 
-    @property
+    @cached_property
     def time_column(self) -> int:
         """The column of δt_f in z, from behind; those of δy₀ follow."""
         return -1 - self.n_controls

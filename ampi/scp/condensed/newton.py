@@ -259,10 +259,7 @@ class NewtonIteration:
     def node_gradient(
         self, rows: LimitRows, derivatives: NodeDerivatives, path: Array, cases: Cases
     ) -> tuple[Array, Array]:
-        """∂(λᵀe + νᵀg + J)/∂x at the nodes after the first (k, n − 1, s), and over scaled t_f (k,).
-
-        `path` is ∂g/∂(x, t) there.
-        """
+        """∂(λᵀe + νᵀg + J)/∂(x after the first node, scaled t_f), with ∂g/∂(x, t) in `path`."""
         points, problem, t = self.points, self.points.problem, self.points.transcription
         on_states, at_times = rows.node_gradient(self.multipliers.limits[cases], path)
         held = problem.target.held
@@ -290,7 +287,7 @@ class NewtonIteration:
         for k, angle in enumerate(problem.angles):
             gradient[:, k : -1 - m : m] -= half * by_case(angle.rate_limit) * mu[BANK + k]
             if angle.entry is None:
-                first = t.mesh.segments[0]
+                first = t.mesh.segments[0]  # its polynomial alone knows y₀
                 on_start = mu[BANK + k][:, first.collocation] * first.rule.derivative[:, 0]
                 gradient[:, k - m] += on_start.sum(axis=1)
         return gradient

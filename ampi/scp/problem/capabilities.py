@@ -11,10 +11,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ampi.missions.flight_sections import GIVEN_STATES
 from ampi.missions.mission import Mission
 from ampi.missions.path_limits import PathLimits
 from ampi.missions.sections import TARGET_WEIGHTS, TERMS
 
+PLACE = {"longitude", "latitude"}
+FINAL = {"free final state", "final range", "final bank_angle", "final angle_of_attack"}
 STEERED = ("bank_angle", "bank_rate", "angle_of_attack", "angle_of_attack_rate")
 GIVEN_AT_ENTRY = frozenset(f"entry.{name}" for name in STEERED)
 
@@ -35,13 +38,18 @@ class Capabilities:
 def asked_for(mission: Mission) -> tuple[list[str], list[str]]:
     """Optional constraints and objective terms of a mission, by their names in its file."""
     limits, target, objective = mission.limits, mission.target, mission.objective
+    free = set(target.free_states)
     constraints = {
         "bank_angle_minimum": limits.bank_angle_minimum > 0.0,
         "drag_floor": limits.drag_floor is not None,
         "no_fly_zone": bool(mission.no_fly_zone),
         "final flight_path_angle": target.flight_path_angle is not None,
         "final azimuth": target.azimuth is not None,
-        "free position": target.position == "free",
+        "free position": free >= PLACE,
+        "free final state": bool(free - PLACE) or len(free & PLACE) == 1,
+        "final range": any(getattr(target, f"{name}_range") for name in GIVEN_STATES),
+        "final bank_angle": target.bank_angle is not None,
+        "final angle_of_attack": target.angle_of_attack is not None,
         "fixed phases": len(mission.mesh.phase) > 1,
         "angle_of_attack": mission.angle_of_attack is not None,
         "design margins": any(limits.share(name) < 1.0 for name in PathLimits.of(mission).names),
@@ -64,6 +72,10 @@ CONDENSED = Capabilities(
             "final flight_path_angle",
             "final azimuth",
             "free position",
+            "free final state",
+            "final range",
+            "final bank_angle",
+            "final angle_of_attack",
             "fixed phases",
             "angle_of_attack",
             "design margins",
@@ -75,7 +87,7 @@ CONDENSED = Capabilities(
 )
 
 OVER_TIME = Capabilities(  # the literature's methods over time
-    constraints=CONDENSED.constraints - {"fixed phases", "design margins", "entry.time"},
+    constraints=CONDENSED.constraints - FINAL - {"fixed phases", "design margins", "entry.time"},
     terms=frozenset(TERMS),
 )
 OVER_ENERGY = Capabilities(
