@@ -245,6 +245,7 @@ def guidance_of(
         mode,
         law=tracker,
         modulation=modulation,
+        angles=_angles(dataset.mission),
         cycle=cycle,
         limit_axes={
             limit: names.index(f"limits.bank_{limit}")
@@ -268,6 +269,12 @@ def modulation_limits(mission: Mission) -> ModulationLimits | None:
     return ModulationLimits(
         limits.angle_of_attack_change, limits.angle_of_attack_rate, acceleration
     )
+
+
+def _angles(mission: Mission) -> tuple[float, float] | None:
+    """Least and greatest angle of attack (rad) of a vehicle that steers it."""
+    control = mission.angle_of_attack
+    return None if control is None else (min(control.lower), max(control.upper))
 
 
 def _correction(mission: Mission, given: Correction | str) -> Correction | None:

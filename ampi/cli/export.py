@@ -15,6 +15,7 @@ from ampi.cli.options import (
     Force,
     HolesOption,
     Json,
+    ModulateOption,
     member,
     one_of,
 )
@@ -41,6 +42,7 @@ def export(
         str,
         typer.Option(help="linear_quadratic, drag_sliding_mode or drag_shuttle."),
     ] = "linear_quadratic",
+    modulate: ModulateOption = False,
     mode: Annotated[str, typer.Option(help=ONE_MODE)] = "ampi",
     kind: Annotated[
         str, typer.Option(help="How the table is stored: float64, float32 or int16.")
@@ -60,7 +62,7 @@ def export(
         if c is None and fmu is None:
             raise ValueError("export: expected --c FOLDER or --fmu FILE, got neither")
         _check(path, c, fmu, force=force)
-        model, blob, on_board = _flown(path, law, mode, kind, cycle, holes)
+        model, blob, on_board = _flown(path, law, mode, kind, cycle, holes, modulate=modulate)
         written = _written(model, blob, on_board, c, fmu, fmi)
     if as_json:
         print_json(written)
@@ -82,7 +84,14 @@ def _check(path: Path, c: Path | None, fmu: Path | None, *, force: bool) -> None
 
 
 def _flown(
-    path: Path, law: str, mode: str, kind: str, cycle: float | None, holes: str
+    path: Path,
+    law: str,
+    mode: str,
+    kind: str,
+    cycle: float | None,
+    holes: str,
+    *,
+    modulate: bool,
 ) -> tuple[FmuModel, bytes, bytes | None]:
     """What is described, what flies, and the model on board of a mission that has one."""
     from ampi.dataset import read_dataset
@@ -96,6 +105,7 @@ def _flown(
         dataset,
         mode=member(Mode, mode, "--mode"),
         law=one_of(LAWS, law, "--law"),
+        modulate=modulate,
         holes=one_of(HOLES, holes, "--holes"),
         cycle=cycle,
     )
