@@ -20,6 +20,12 @@ and where they were asked for, which the root attribute `sensitivities` says,
     sensitivities          (p_1 … p_d, parameter, row, node), ∂/∂p; NaN where an optimum has none
     final_time_sensitivity (p_1 … p_d, parameter)
 
+and where the angle of attack is a control as well, which the root attribute `controls` says, it is the
+last of the states, and of the rows, and there is
+
+    tracked                names of the states that the gains multiply, dimension scale of theirs
+    angle_of_attack_rate   (p_1 … p_d, node)
+
 Every dataset carries `units` and `long_name`, is chunked with shuffle, gzip and fletcher32, and enters
 the content digest (SHA-256), as do the root attributes. The whole file is sealed besides by a SHA-256
 in its user block: a flipped bit anywhere is found on loading.
@@ -31,7 +37,7 @@ import hashlib
 import zlib
 from collections.abc import Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -43,7 +49,7 @@ from ampi.hdf5.seal import Seal, opened
 from ampi.missions.loading import parse_mission
 from ampi.missions.mission import Mission
 from ampi.missions.sections import MissionError
-from ampi.physics.state import CONTROL_UNITS, STATE_UNITS
+from ampi.physics.state import CONTROL_UNITS, STATE_UNITS, STEERED_UNITS
 from ampi.trajectory import Statistics, Status, Trajectory
 
 Array = NDArray[np.float64]
@@ -68,7 +74,7 @@ class TrajectoryDataset:
     mission: Mission
     names: tuple[str, ...]
     axes: tuple[Array, ...]
-    states: Array  # (p…, 7, n)
+    states: Array  # (p…, 7, n); (p…, 8, n) where the angle of attack is a control
     bank_rate: Array  # (p…, n)
     gains: Array  # (p…, 7, n)
     target_multipliers: Array  # (p…, m), cost per SI unit of each row of the target
@@ -86,6 +92,7 @@ class TrajectoryDataset:
     attributes: dict[str, Any]
     sensitivities: Array | None = None  # (p…, d, 15, n): states, bank rate and gains over p
     final_time_sensitivity: Array | None = None  # (p…, d)
+    angle_of_attack_rate: Array | None = None  # (p…, n), where it is a control
 
     @property
     def shape(self) -> tuple[int, ...]:
@@ -100,6 +107,7 @@ class TrajectoryDataset:
     def trajectory(self, case: int) -> Trajectory:
         """Case number `case` (C order) as a Trajectory."""
         index = np.unravel_index(case, self.shape)
+        rate = self.angle_of_attack_rate
         return Trajectory(
             mesh=self.mission.pseudospectral_mesh,
             states=self.states[index],
@@ -109,6 +117,7 @@ class TrajectoryDataset:
             status=Status(int(self.status[index])),
             statistics=Statistics(iterations=int(self.iterations[index])),
             target_multipliers=self.target_multipliers[index],
+            angle_of_attack_rate=None if rate is None else rate[index],
         )
 
 
@@ -338,13 +347,30 @@ SENSITIVITY_FIELDS: dict[str, Field] = {
         ("parameter",),
     ),
 }
+CONTROLS_OF = "controls"  # the root attribute of a file whose controls are two
+ANGLE_RATE = "angle_of_attack_rate"
+STEERED_FIELDS: dict[str, Field] = {
+    "states": replace(FIELDS["states"], units=" ".join(STEERED_UNITS)),
+    ANGLE_RATE: Field("rad/s", "optimal rate of the angle of attack at the Radau nodes", ("node",)),
+    "gains": replace(FIELDS["gains"], dimensions=("tracked", "node")),
+}
+STEERED_SENSITIVITY = replace(
+    SENSITIVITY_FIELDS[SENSITIVITIES],
+    units=SENSITIVITY_FIELDS[SENSITIVITIES].units.replace(";", ", rad;"),
+    long_name="derivatives of optimal states, bank rate, gains and angle of attack over the parameters",
+)
 READ = (  # what a TrajectoryDataset holds by the same name
     *(name for name, field in FIELDS.items() if field.per_case),
     "high_density_time",
     *SENSITIVITY_FIELDS,
+    ANGLE_RATE,
 )
 
 
 def described(attributes: Mapping[str, Any]) -> dict[str, Field]:
     """The datasets of a file, but for scales, by its root attributes."""
-    return FIELDS | SENSITIVITY_FIELDS if SENSITIVITIES in attributes else FIELDS
+    found = FIELDS | SENSITIVITY_FIELDS if SENSITIVITIES in attributes else FIELDS
+    if CONTROLS_OF not in attributes:
+        return found
+    steered = found | STEERED_FIELDS
+    return steered | {SENSITIVITIES: STEERED_SENSITIVITY} if SENSITIVITIES in found else steered

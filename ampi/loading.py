@@ -20,8 +20,9 @@ from ampi.onboard.segments import Segments
 from ampi.onboard.subspace import Order
 from ampi.onboard.table import GuidanceTable, nearest_solved
 from ampi.onboard_model import certifier_of, correction_of
+from ampi.physics.state import N_STATES
 from ampi.pseudospectral.mesh import Mesh
-from ampi.table_sensitivities import loads, table_sensitivities
+from ampi.table_sensitivities import loads, steered_gains, table_sensitivities
 from ampi.tracking.angle_limiter import ModulationLimits
 from ampi.tracking.bank_limiter import BankLimits
 from ampi.tracking.drag_shuttle import DragShuttle
@@ -112,6 +113,8 @@ def guidance_table(
             "(holes='fly', --holes fly); or leave them out with: ampi crop"
         )
     layout = law_of(law, dataset.mission).layout
+    if dataset.mission.n_states > N_STATES:
+        layout = layout.with_angle_of_attack
     rows = layout.stacked(_parts(dataset, layout))
     final_time = dataset.final_time
     if len(missing):
@@ -149,8 +152,14 @@ def segments_of(mesh: Mesh) -> Segments:
 def _parts(dataset: TrajectoryDataset, layout: RowLayout) -> dict[RowKind, Array]:
     """Rows (p…, r, n) of each kind that the layout has: those of the file, and those of the physics."""
     kinds = {row.kind for row in layout.rows}
-    parts = {RowKind.STATE: dataset.states, RowKind.CONTROL: dataset.bank_rate[..., None, :]}
-    if RowKind.GAIN in kinds:
+    parts = {
+        RowKind.STATE: dataset.states[..., :N_STATES, :],
+        RowKind.CONTROL: dataset.bank_rate[..., None, :],
+        RowKind.ANGLE: dataset.states[..., N_STATES:, :],
+    }
+    if RowKind.ANGLE_GAIN in kinds:
+        parts[RowKind.GAIN], parts[RowKind.ANGLE_GAIN] = steered_gains(dataset)
+    elif RowKind.GAIN in kinds:
         parts[RowKind.GAIN] = dataset.gains
     if RowKind.LOAD in kinds:
         parts[RowKind.LOAD] = loads(dataset)

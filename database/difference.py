@@ -18,7 +18,14 @@ from numpy.typing import NDArray
 
 from ampi.dataset import TrajectoryDataset
 from ampi.physics.angles import on_turn_of
-from ampi.physics.state import CIRCULAR_STATES, CONTROL_UNITS, CONTROLS, STATE_UNITS, STATES
+from ampi.physics.state import (
+    BANK,
+    CIRCULAR_STATES,
+    CONTROL_UNITS,
+    STEERED_STATES,
+    STEERED_UNITS,
+    STEERING,
+)
 from ampi.trajectory import Status
 
 Array = NDArray[np.float64]
@@ -26,7 +33,7 @@ Index = tuple[NDArray[np.intp], ...]
 
 TEXTS = ("settings", "gain_settings")  # attributes that are JSON
 OF_THE_MISSION = (  # attributes that follow from it, or from the numbers
-    *("mission", "mission_toml", "title", "parameters", "mesh", "bank_rate_effort"),
+    *("mission", "mission_toml", "title", "parameters", "mesh", "bank_rate_effort", "controls"),
     *("content_sha256", "known_sha256"),
 )
 
@@ -194,10 +201,13 @@ def _rows(
             name, unit, float(flat.ravel()[worst]), _offsets(first, common[0], case)
         )
 
-    states = moved_by("states", (nodes,))
-    for state, (name, unit) in enumerate(zip(STATES, STATE_UNITS, strict=True)):
-        moved = states[:, state]
+    n_states = min(dataset.mission.n_states for dataset in (first, second))
+    states = moved_by("states", (slice(n_states), nodes))
+    for state, (name, unit, moved) in enumerate(
+        zip(STEERED_STATES, STEERED_UNITS, states.swapaxes(0, 1), strict=False)
+    ):
         yield row(name, unit, on_turn_of(moved, 0.0) if state in CIRCULAR_STATES else moved)
-    yield row(CONTROLS[0], CONTROL_UNITS[0], moved_by("bank_rate", (nodes,)))
+    for name in STEERING[: n_states - BANK]:
+        yield row(name, CONTROL_UNITS[0], moved_by(name, (nodes,)))
     yield row("final_time", "s", moved_by("final_time"))
     yield row("cost", "1", moved_by("cost"))

@@ -13,8 +13,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from ampi.missions.mission import Mission
-from ampi.onboard.row_layout import LINEAR_TRACKING
-from ampi.physics.state import CONTROLS, N_STATES
+from ampi.physics.state import BANK, N_STATES
 from database.records.campaign import Campaign
 
 TOGETHER_SECONDS = (
@@ -23,8 +22,7 @@ TOGETHER_SECONDS = (
 SENSITIVITY_SECONDS = 0.7e-3  # for the derivatives of such a case over each parameter
 ALONE_SECONDS = 0.25  # for one that is solved by itself
 NODES = 64
-ROWS = len(LINEAR_TRACKING)  # of doubles at each node
-RECORDED_ROWS = N_STATES + len(CONTROLS)
+GAINS = N_STATES
 FILE_SHARE = 0.95  # of the numbers, once they are compressed: their last digits are noise
 RECORD_HEAD = 400  # bytes: status, message, multipliers
 DRIVER_MEMORY = 130e6  # bytes
@@ -87,8 +85,11 @@ def estimate(
     if sensitivities:
         tables += len(mission.parameters)
         each += SENSITIVITY_SECONDS * len(mission.parameters) * nodes / NODES
-    file_bytes = FILE_SHARE * 8.0 * ROWS * nodes * cases * tables
-    record = RECORD_HEAD + 8.0 * RECORDED_ROWS * nodes
+    recorded = (
+        2 * mission.n_states - BANK
+    )  # rows of doubles at each node: states, and their rates of angles
+    file_bytes = FILE_SHARE * 8.0 * (recorded + GAINS) * nodes * cases * tables
+    record = RECORD_HEAD + 8.0 * recorded * nodes
     return Estimate(
         cases=cases,
         workers=workers,

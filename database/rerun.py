@@ -124,7 +124,7 @@ def rerun(
         mission=path_to(mission, grid, case, attempts([], predicted=False)[0])[-1],
         stored="nothing yet" if known is None else known[1],
         attempts=tuple(results),
-        trajectory=no_trajectory(mission.pseudospectral_mesh) if last is None else last,
+        trajectory=no_trajectory(mission) if last is None else last,
     )
 
 

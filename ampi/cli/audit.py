@@ -111,17 +111,18 @@ def _print_interpolation(report: AuditReport) -> None:
 def _print_coherence(report: AuditReport, path: Path) -> None:
     import numpy as np
 
-    from database.audit.coherence import ROWS, THRESHOLD
+    from database.audit.coherence import THRESHOLD
 
     smooth = report.coherence
     if not smooth.triples:
         out.print("coherence: unknown, no axis has three points in a row with a solution")
         return
     row = int(np.nanargmax(smooth.worst))
+    worst = smooth.rows[row].replace("_", " ")
     hidden = int(np.isnan(smooth.roughness).sum()) - report.cases + report.statuses.get("SOLVED", 0)
     out.print(
         f"coherence: {smooth.triples} second differences, the roughest {smooth.worst[row]:.1f} times "
-        f"the family's scale ({ROWS[row].replace('_', ' ')}); a case stands out above {THRESHOLD:g}"
+        f"the family's scale ({worst}); a case stands out above {THRESHOLD:g}"
         + (f"; unknown for {hidden} cases that are in none" if hidden else "")
     )
     for outlier in smooth.outliers:

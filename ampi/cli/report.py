@@ -131,7 +131,7 @@ def _truth_lines(dataset: TrajectoryDataset) -> dict[str, str]:
 def _coherence_line(dataset: TrajectoryDataset) -> str:
     import numpy as np
 
-    from database.audit.coherence import ROWS, THRESHOLD, coherence
+    from database.audit.coherence import THRESHOLD, coherence
 
     smooth = coherence(dataset)
     if not smooth.triples:
@@ -139,7 +139,7 @@ def _coherence_line(dataset: TrajectoryDataset) -> str:
     row = int(np.nanargmax(smooth.worst))
     return (
         f"{smooth.triples} second differences, the roughest {smooth.worst[row]:.1f} times the "
-        f"family's scale ({ROWS[row].replace('_', ' ')}); {len(smooth.outliers)} cases stand out "
+        f"family's scale ({smooth.rows[row].replace('_', ' ')}); {len(smooth.outliers)} cases stand out "
         f"above {THRESHOLD:g}"
     )
 

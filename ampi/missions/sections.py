@@ -32,6 +32,18 @@ MODEL_SECTIONS = ("planet", "atmosphere", "vehicle")  # what the flight model is
 TARGET_WEIGHTS = ("altitude_weight", "longitude_weight", "latitude_weight", "speed_weight")
 
 
+TERMS = (  # of the objective, beside the target weights
+    "bank_rate_effort",
+    "bank_rate_variation",
+    "flight_time",
+    "heat_load",
+    "ground_range",
+    "descent_rate",
+    "cross_range",
+    "final_speed",
+    "angle_of_attack_effort",
+)
+
 SMALLEST_WEIGHT = 1e-20  # in SI, and the inverse of the largest
 
 
@@ -63,6 +75,17 @@ class ObjectiveSection(Section):
     ground_range: Number = Field(
         default=0.0, description="Of ∫ V cos γ R/r dt, per km; negative: farthest flight"
     )
+    cross_range: Number = Field(
+        default=0.0,
+        description="Of the final distance out of the plane of the entry's great circle, per km, "
+        "positive to the left of the entry's heading; negative: farthest to the left",
+    )
+    final_speed: Number = Field(
+        default=0.0, description="Of the final speed, per m/s; negative: fastest"
+    )
+    angle_of_attack_effort: Number = Field(
+        default=0.0, ge=0, description="Of ∫ α̇² dt, per (deg/s)² s, where α is a control"
+    )
     descent_rate: Number = Field(
         default=0.0, ge=0, description="Of ∫ |ḣ − desired_altitude_rate| dt, per m"
     )
@@ -70,6 +93,11 @@ class ObjectiveSection(Section):
         default=None,
         description="The ḣ that the descent rate is measured from; negative: descending",
     )
+
+    @property
+    def has_terminal(self) -> bool:
+        """Whether it weighs the final state by itself."""
+        return self.cross_range != 0.0 or self.final_speed != 0.0
 
     @model_validator(mode="after")
     def _terms_fit(self) -> ObjectiveSection:
@@ -86,8 +114,7 @@ class ObjectiveSection(Section):
             found.append(f"expected all four target weights or none, missing {missing}")
         if (self.descent_rate > 0) != (self.desired_altitude_rate is not None):
             found.append("descent_rate and desired_altitude_rate: expected both or neither")
-        terms = [self.bank_rate_effort, self.bank_rate_variation, self.heat_load, self.descent_rate]
-        if not any([*terms, self.flight_time, self.ground_range]):
+        if not any(getattr(self, name) for name in TERMS):
             found.append("expected at least one term: bank_rate_effort, flight_time, …")
         if found:
             raise ValueError("\n".join(found))
@@ -101,6 +128,12 @@ class GuessSection(Section):
     """
 
     bank_angle: u.CircularAngle = Field(ge=-TURN, le=TURN, description="Held from entry to target")
+    angle_of_attack: u.Angle | None = Field(
+        default=None,
+        ge=-0.5 * np.pi,
+        le=0.5 * np.pi,
+        description="Held likewise where it is a control; by default in the middle of its bounds",
+    )
     heading_corridor: u.Angle | None = Field(
         default=None,
         gt=0,

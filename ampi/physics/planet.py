@@ -101,3 +101,23 @@ def bearing(longitude_1: Any, latitude_1: Any, longitude_2: Any, latitude_2: Any
         np.cos(latitude_1) * np.sin(latitude_2)
         - np.sin(latitude_1) * np.cos(latitude_2) * np.cos(east),
     )
+
+
+def cross_range_angle(
+    longitude: Any, latitude: Any, azimuth: Any, final_longitude: Any, final_latitude: Any
+) -> Any:
+    """Angle (rad) of a final point out of the plane of the great circle along `azimuth` (rad).
+
+    Positive to the left of the heading at the first point; on the pole of that circle ± π/2.
+    """
+    east = final_longitude - longitude
+    to_the_east = np.cos(final_latitude) * np.sin(east)
+    to_the_north = np.cos(latitude) * np.sin(final_latitude) - np.sin(latitude) * np.cos(
+        final_latitude
+    ) * np.cos(east)
+    outward = np.sin(latitude) * np.sin(final_latitude) + np.cos(latitude) * np.cos(
+        final_latitude
+    ) * np.cos(east)
+    ahead = np.cos(azimuth) * to_the_north + np.sin(azimuth) * to_the_east
+    aside = np.sin(azimuth) * to_the_north - np.cos(azimuth) * to_the_east
+    return np.arctan2(aside, np.sqrt(ahead * ahead + outward * outward))

@@ -30,7 +30,8 @@ class Accuracy:
         0.01,
         0.1,
         0.1,
-    )  # m, rad, m/s: h, θ, φ, V, γ, ψ, σ
+        0.1,
+    )  # m, rad, m/s: h, θ, φ, V, γ, ψ, σ, α
 
     def absolute(self, states: int, cases: int) -> Array:
         """For the first `states` of `cases`, state by state: (states · cases,)."""

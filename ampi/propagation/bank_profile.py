@@ -1,6 +1,7 @@
 """A bank profile flown from any entry state to a speed: what a reference is worth without a tracker.
 
-The profile is the bank-angle polynomial of a mesh, held where it ends; DOP853 integrates segment by
+The profile is the bank-angle polynomial of a mesh, held where it ends, and that of the angle of attack
+where it is a state; DOP853 integrates segment by
 segment, so that no step crosses a kink. The flight ends where the speed falls through its target, found
 between points a second apart by the cubic through states and rates: millimetres.
 """
@@ -27,7 +28,7 @@ HALVINGS = 40  # of the bracket: to rounding
 def fly_to_speed(
     model: FlightModel,
     mesh: Mesh,
-    bank: Array,
+    angles: Array,
     entry_states: Array,
     final_time: Array,
     speed: Array,
@@ -39,23 +40,23 @@ def fly_to_speed(
     ----------
     model
         Of one vehicle, or with numbers (c,).
-    bank
-        Nodal bank angles (c, n), rad.
+    angles
+        Nodal bank angles (c, n), rad; with the angles of attack, where those are a state, (c, 2, n).
     entry_states
         (c, 6): h, θ, φ, V, γ, ψ.
     final_time
         Of the profiles (c,), s.
     longer
-        How long (s) a flight may go on after its profile, at the last bank angle.
+        How long (s) a flight may go on after its profile, at the last angles.
 
     Raises
     ------
     IntegrationError
         If one flight reaches the ground or a vertical path.
     """
-    found = np.full((len(bank), BANK), np.nan)
-    state = entry_states
-    for segment, nodal in _parts(mesh, bank, longer):
+    found = np.full((len(angles), BANK), np.nan)
+    state, profiles = entry_states, np.moveaxis(angles.reshape(len(angles), -1, mesh.n_nodes), 1, 0)
+    for segment, nodal in _parts(mesh, profiles, longer):
         flight = fly_segment(model, segment, nodal, state, final_time, SPACING, ACCURACY)
         _read(model, flight, speed, found)
         state = flight.states[:, :BANK, -1]
@@ -64,11 +65,11 @@ def fly_to_speed(
     return found
 
 
-def _parts(mesh: Mesh, bank: Array, longer: float) -> list[tuple[Segment, Array]]:
-    """The segments with their nodal bank angles, and the one in which the last is held."""
-    parts = [(segment, bank[:, segment.nodes]) for segment in mesh.segments]
+def _parts(mesh: Mesh, angles: Array, longer: float) -> list[tuple[Segment, Array]]:
+    """The segments with their nodal angles (m, c, nodes), and the one in which the last are held."""
+    parts = [(segment, angles[..., segment.nodes]) for segment in mesh.segments]
     held = Segment(mesh.n_nodes - 1, flipped_radau(1), (0.0, 1.0), (0.5 * longer, 0.0))
-    return [*parts, (held, bank[:, [-1, -1]])]
+    return [*parts, (held, angles[..., [-1, -1]])]
 
 
 def _read(model: FlightModel, flight: SegmentFlight, speed: Array, found: Array) -> None:

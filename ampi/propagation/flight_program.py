@@ -1,7 +1,8 @@
 """DOP853 (Hairer, Nørsett, Wanner 1993) on steps chosen beforehand, in CasADi's virtual machine.
 
-The bank angle of an optimum is a polynomial on every segment of its mesh, so steps that end at the
-nodes meet no kink, and its values at all stages are one matrix product. What is left to compute one
+The bank angle of an optimum, and its angle of attack where that is a state, is a polynomial on every
+segment of its mesh, so steps that end at the nodes meet no kink, and its values at all stages are one
+matrix product. What is left to compute one
 after the other are the stages: a flight of ten minutes takes a millisecond, a hundredth of the time of
 an integrator that is called from Python. The scheme's own estimate of the error decides whether the
 steps were short enough; else all are halved. Nothing of a flight depends on others.
@@ -20,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.integrate import DOP853
 
-from ampi.physics.state import ALTITUDE, BANK, FLIGHT_PATH_ANGLE, N_STATES
+from ampi.physics.state import ALTITUDE, BANK, FLIGHT_PATH_ANGLE
 from ampi.propagation.adaptive_step import Accuracy, IntegrationError
 from ampi.pseudospectral.lagrange import interpolation_matrix
 from ampi.pseudospectral.mesh import Mesh
@@ -46,7 +47,7 @@ class Steps:
 
     start: tuple[Array, Array]  # (a, b), (k,) each
     length: tuple[Array, Array]
-    stages: Array  # from the nodal bank angles to those at the stages, (k · 12, n)
+    stages: Array  # from nodal values of an angle to those at the stages, (k · 12, n)
     ends: Array  # from nodal values to those at the ends, (k + 1, n)
     at_nodes: NDArray[np.intp]  # which of the ends are nodes
 
@@ -99,7 +100,7 @@ def fly(
     final_time: float,
     accuracy: Accuracy,
 ) -> Flown:
-    """Fly `states` (7, n), a trajectory's at the nodes, from its first one on under its bank angle.
+    """Fly `states` (7 or 8, n), a trajectory's at the nodes, from its first one on under its angles.
 
     `structure` and `numbers` are those of the model (tracing).
 
@@ -113,9 +114,10 @@ def fly(
         steps = steps_on(mesh, horizon, halvings)
         begin = steps.start[0] + steps.start[1] * final_time
         length = steps.length[0] + steps.length[1] * final_time
-        bank = (steps.stages @ states[BANK]).reshape(-1, STAGES)
-        program = _program(structure, len(begin))
-        ends, fifth, third = program(states[:BANK, 0], bank, begin, length, numbers)
+        angles = [(steps.stages @ angle).reshape(-1, 1, STAGES) for angle in states[BANK:]]
+        program = _program(structure, len(begin), len(states))
+        steered = np.concatenate(angles, axis=1)
+        ends, fifth, third = program(states[:BANK, 0], steered, begin, length, numbers)
         found = np.concatenate([states[:BANK, :1], ends.T], axis=1)
         # what is not a number has been under the ground, or vertical, before
         grounded = ~(found[ALTITUDE] >= GROUND)
@@ -141,7 +143,7 @@ def fly_together(
     final_time: Array,
     accuracy: Accuracy,
 ) -> list[Flown]:
-    """`fly` for trajectories `states` (c, 7, n) with `final_time` (c,), step by step for all of them.
+    """`fly` for trajectories `states` (c, 7 or 8, n) with `final_time` (c,), step by step for all.
 
     Who needs shorter steps, or ends before, is flown alone.
     """
@@ -152,13 +154,16 @@ def fly_together(
         steps, durations = steps_on(mesh, float(horizon), 0), final_time[cases]
         begin = steps.start[0] + steps.start[1] * durations[:, None]
         length = steps.length[0] + steps.length[1] * durations[:, None]
-        bank = (steps.stages @ states[cases, BANK, :, None])[..., 0]
-        bank = bank.reshape(len(cases), -1, STAGES).transpose(1, 2, 0).copy()
-        step, own = _vectorised_step(structure), at_cases(numbers, cases)
+        n_states = states.shape[1]
+        angles = [(steps.stages @ states[cases, k, :, None])[..., 0] for k in range(BANK, n_states)]
+        shaped = [angle.reshape(len(cases), -1, STAGES).transpose(1, 2, 0) for angle in angles]
+        steered = np.ascontiguousarray(np.concatenate(shaped, axis=1))
+        step, own = _vectorised_step(structure, n_states), at_cases(numbers, cases)
         path = np.empty((3, length.shape[1], BANK, len(cases)))  # ends, errors of both orders
         x = np.ascontiguousarray(states[cases, :BANK, 0].T)
         for k in range(length.shape[1]):
-            path[:, k] = step(x, bank[k], begin[None, :, k].copy(), length[None, :, k].copy(), own)
+            moment = begin[None, :, k].copy(), length[None, :, k].copy()
+            path[:, k] = step(x, steered[k], *moment, own)
             x = path[0, k]
         flown = np.concatenate([states[cases, :BANK, :1], path[0].transpose(2, 1, 0)], axis=2)
         deviation = flown - states[cases, :BANK] @ steps.ends.T
@@ -190,10 +195,11 @@ def _errors(states: Array, fifth: Array, third: Array, length: Array, accuracy: 
 class _Program:
     """So many steps of one model: all stages unrolled, and the steps one after the other."""
 
-    def __init__(self, step: ca.Function, count: int, numbers: int) -> None:
+    def __init__(self, step: ca.Function, count: int) -> None:
         buffer: tuple[Any, Any] = step.mapaccum("flight", count).buffer()
         self._buffer, self._evaluate = buffer
-        shapes = (BANK, (count, STAGES), count, count, (count, numbers))
+        angles, numbers = step.size2_in(1), step.size1_in(4)
+        shapes = (BANK, (count, angles, STAGES), count, count, (count, numbers))
         self._inputs = [np.zeros(shape) for shape in shapes]
         self._outputs = [np.zeros((count, BANK)) for _ in range(3)]
         for i, array in enumerate(self._inputs):
@@ -210,31 +216,31 @@ class _Program:
 
 
 @lru_cache(maxsize=64)
-def _program(structure: Hashable, count: int) -> _Program:
-    step = _step(structure)
-    return _Program(step, count, step.size1_in(4))
+def _program(structure: Hashable, count: int, n_states: int) -> _Program:
+    return _Program(_step(structure, n_states), count)
 
 
 @lru_cache(maxsize=16)
-def _vectorised_step(structure: Hashable) -> VectorisedFunction:
-    return VectorisedFunction(_step(structure))
+def _vectorised_step(structure: Hashable, n_states: int) -> VectorisedFunction:
+    return VectorisedFunction(_step(structure, n_states))
 
 
 @lru_cache(maxsize=16)
-def _step(structure: Hashable) -> ca.Function:
-    """One step of DOP853 as one function of state, bank angles at the stages, time, length, numbers."""
-    traced = trace(structure, (1.0,) * N_STATES)
+def _step(structure: Hashable, n_states: int) -> ca.Function:
+    """One step of DOP853 as one function of state, angles at the stages, time, length, numbers."""
+    traced = trace(structure, (1.0,) * n_states)
     rates = ca.Function("rates", [traced.x, traced.t, traced.p], [traced.f[:BANK]], {"cse": True})
-    x, bank, time, length = (ca.SX.sym(*n) for n in (("x", BANK), ("b", STAGES), ("t",), ("h",)))
+    shapes = (("x", BANK), ("b", STAGES, n_states - BANK), ("t",), ("h",))
+    x, angles, time, length = (ca.SX.sym(*shape) for shape in shapes)
     p = ca.SX.sym("p", traced.p.numel())
     slopes: list[Any] = []
     for stage in range(STAGES):
         here = x + length * _weighted(DOP853.A[stage, :stage], slopes)
         at = time + DOP853.C[stage] * length
-        slopes.append(rates(ca.vertcat(here, bank[stage]), at, p))
+        slopes.append(rates(ca.vertcat(here, angles[stage, :].T), at, p))
     end = x + length * _weighted(DOP853.B, slopes)
     errors = [_weighted(weights[:STAGES], slopes) for weights in (DOP853.E5, DOP853.E3)]
-    inputs = [x, bank, time, length, p]
+    inputs = [x, angles, time, length, p]
     return ca.Function("step", inputs, [ca.densify(out) for out in (end, *errors)], {"cse": True})
 
 

@@ -1,8 +1,9 @@
 """Is a trajectory true? Its bank angle flown again by an independent integrator.
 
 DOP853 (flight_program) integrates the equations of motion from the same entry state under the
-bank-angle polynomial of the optimum. The states are then compared with the collocated ones, and every
-limit is read between the nodes, where the optimiser has not looked.
+bank-angle polynomial of the optimum, and under that of the angle of attack where it is a state. The
+states are then compared with the collocated ones, and every limit is read between the nodes, where the
+optimiser has not looked.
 
 The tolerance leaves the integrator micrometres off after the ten minutes of SHEFEX-3.
 
@@ -28,6 +29,7 @@ from ampi.physics.state import (
     LATITUDE,
     LONGITUDE,
     SPEED,
+    STEERING,
 )
 from ampi.propagation.adaptive_step import Accuracy, IntegrationError
 from ampi.propagation.flight_program import HORIZON, Flown, fly, fly_together
@@ -54,7 +56,7 @@ class Reintegration:
     speed_error: Array  # (c,), m/s: greatest over the nodes
     peak: Array  # (c, l): greatest use of each limit (`PathLimits.names`), on the fine grid
     fine_times: Array  # (c, k), s
-    fine_states: Array  # (c, 7, k)
+    fine_states: Array  # (c, 7 or 8, k)
     fine_path: Array  # (c, l, k), use of the limits
 
 
@@ -80,7 +82,7 @@ def flown_again(mission: Mission, trajectory: Trajectory) -> Trajectory:
 def flight_checks(
     family: MissionFamily, mesh: Mesh, states: Array, final_time: Array, spacing: float = 1.0
 ) -> list[FlightCheck]:
-    """Of trajectories `states` (c, 7, n) with `final_time` (c,), each flown again.
+    """Of trajectories `states` (c, 7 or 8, n) with `final_time` (c,), each flown again.
 
     Errors are infinite for one that cannot be flown to its end. `spacing`: see `reintegrate_many`.
     """
@@ -113,7 +115,7 @@ def flight_checks(
 def reintegrate_many(
     family: MissionFamily, mesh: Mesh, states: Array, final_time: Array, spacing: float = 1.0
 ) -> Reintegration:
-    """Re-integrate trajectories `states` (c, 7, n) with `final_time` (c,) of a family on one mesh.
+    """Re-integrate trajectories `states` (c, 7 or 8, n), `final_time` (c,) of a family on one mesh.
 
     `spacing` (s) is the greatest distance of the points where the limits are read.
 
@@ -126,8 +128,8 @@ def reintegrate_many(
     points = points_on(mesh, float(final_time.max()), spacing)
     times = points.time[0] + points.time[1] * final_time[:, None]
     fine_states = states @ points.values.T
-    bank_rate = states[:, BANK] @ points.slopes.T
-    bank_rate /= points.half[0] + points.half[1] * final_time[:, None]
+    half = points.half[0] + points.half[1] * final_time[:, None]
+    rates = [angle @ points.slopes.T / half for angle in states[:, BANK:].swapaxes(0, 1)]
     nodes = np.empty((len(states), BANK, mesh.n_nodes))
     flights = (physics.structure, physics.numbers, mesh, states, final_time, ACCURACY)
     for case, flown in enumerate(_flown(*flights)):
@@ -137,7 +139,8 @@ def reintegrate_many(
             state += np.interp(times[case], flown.times, missed)
     over_time = family.flight_model(trailing=1)
     limits = family.path_limits(trailing=1)
-    use = limits.use(over_time, fine_states.transpose(1, 0, 2), bank_rate, times)
+    steering = dict(zip(STEERING, rates, strict=False))
+    use = limits.use(over_time, fine_states.transpose(1, 0, 2), time=times, **steering)
     fine_path = np.stack(use, axis=1)
     radius = over_time.planet.equatorial_radius
     altitude_error = np.abs(nodes[:, ALTITUDE] - states[:, ALTITUDE])

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ampi.physics.equations_of_motion import FlightModel, equations_of_motion
-from ampi.physics.state import BANK, FLIGHT_PATH_ANGLE, N_STATES
+from ampi.physics.state import BANK, FLIGHT_PATH_ANGLE
 from ampi.propagation.adaptive_step import Accuracy, IntegrationError, Stop, integrate
 from ampi.propagation.flight_program import GROUND, STEEPEST
 from ampi.pseudospectral.lagrange import interpolation_matrix
@@ -22,23 +22,30 @@ class SegmentFlight:
     """A segment of a mesh flown by c cases; k points."""
 
     times: Array  # (c, k), s
-    states: Array  # (c, 7, k)
-    bank_rate: Array  # (c, k), of the bank-angle polynomials, rad/s
+    states: Array  # (c, 7 or 8, k)
+    rates: Array  # (m, c, k), of the angles' polynomials, rad/s
+
+    @property
+    def bank_rate(self) -> Array:
+        """(c, k), rad/s."""
+        return self.rates[0]
+
     at_nodes: NDArray[np.intp]  # which points are the segment's nodes
 
 
 def fly_segment(
     model: FlightModel,
     segment: Segment,
-    bank: Array,
+    angles: Array,
     state: Array,
     final_time: Array,
     spacing: float,
     accuracy: Accuracy,
 ) -> SegmentFlight:
-    """Fly one segment from `state` (c, 6) under the polynomials through `bank` (c, nodes).
+    """Fly one segment from `state` (c, 6) under the polynomials through `angles` (m, c, nodes).
 
-    Its points are the nodes, and others at most `spacing` (s) apart.
+    Bank angles and, where they are a state, angles of attack. Its points are the nodes, and others at
+    most `spacing` (s) apart.
 
     Raises
     ------
@@ -50,11 +57,13 @@ def fly_segment(
     half = segment.half_length[0] + segment.half_length[1] * final_time
     fine = np.linspace(-1.0, 1.0, int(np.ceil(2.0 * half.max() / spacing)) + 1)
     tau = np.union1d(fine, rule.nodes)
-    x = np.empty((N_STATES, cases))
+    x = np.empty((BANK + len(angles), cases))
 
     def rates(at: float, flat: Array) -> Array:
         x[:BANK] = flat.reshape(BANK, cases)
-        x[BANK] = bank @ interpolation_matrix(rule.nodes, rule.barycentric, [at])[0]
+        here = interpolation_matrix(rule.nodes, rule.barycentric, [at])[0]
+        for k, nodal in enumerate(angles, BANK):
+            x[k] = nodal @ here
         dx = equations_of_motion(model, x, 0.0, start + half * (1.0 + at))
         found = np.empty((BANK, cases))
         for row, rate in zip(found, dx[:BANK], strict=True):
@@ -67,23 +76,20 @@ def fly_segment(
 
     ground = Stop(lambda at, flat: float(flat[:cases].min()) - GROUND, direction=-1.0)
     upright = Stop(steepest, direction=1.0)
-    flight = integrate(
-        rates,
-        (-1.0, 1.0),
-        state.T.ravel(),
-        accuracy,
-        points=tau,
-        stops=[ground, upright],
-        cases=cases,
-    )
+    begin, stops = state.T.ravel(), [ground, upright]
+    flight = integrate(rates, (-1.0, 1.0), begin, accuracy, points=tau, stops=stops, cases=cases)
     if flight.stop is not None:
         where = "under the ground" if flight.stop is ground else "on a vertical path"
         raise IntegrationError(f"the flight ends {where}")
     flown = flight.points.reshape(BANK, cases, len(tau)).transpose(1, 0, 2)
-    along = bank @ interpolation_matrix(rule.nodes, rule.barycentric, tau).T
+    matrix, slopes = (
+        interpolation_matrix(rule.nodes, rule.barycentric, tau),
+        rule.derivative_at(tau),
+    )
+    along = [(nodal @ matrix.T)[:, None, :] for nodal in angles]
     return SegmentFlight(
         times=start[:, None] + half[:, None] * (1.0 + tau),
-        states=np.concatenate([flown, along[:, None, :]], axis=1),
-        bank_rate=bank @ rule.derivative_at(tau).T / half[:, None],
+        states=np.concatenate([flown, *along], axis=1),
+        rates=np.stack([nodal @ slopes.T / half[:, None] for nodal in angles]),
         at_nodes=np.searchsorted(tau, rule.nodes),
     )

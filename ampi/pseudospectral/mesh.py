@@ -141,6 +141,18 @@ class Mesh:
         fixed, free = self.node_time
         return fixed + free * final_time
 
+    def derivative(self, final_time: float) -> Array:
+        """From nodal values to their rates (1/s) at the nodes (nodes × nodes).
+
+        At a node between two segments it is that of the one which ends there.
+        """
+        matrix = np.zeros((self.n_nodes, self.n_nodes))
+        for s in reversed(self.segments):
+            half = s.half_length[0] + s.half_length[1] * final_time
+            matrix[s.nodes] = 0.0
+            matrix[s.nodes, s.nodes] = s.rule.derivative_at(s.rule.nodes) / half
+        return matrix
+
     def conversion(self, times: Array, final_time: float) -> Array:
         """Interpolation matrix (times × nodes): each time is read from the segment it lies in."""
         boundaries = [s.start[0] + s.start[1] * final_time for s in self.segments]

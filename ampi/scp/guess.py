@@ -7,22 +7,24 @@ corridor about the bearing of the target (Harpold & Graves 1979, J. Astronaut. S
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ampi.missions.angle_of_attack import AngleBounds
 from ampi.missions.mission import Mission
 from ampi.physics.angles import on_turn_of, wrapped
 from ampi.physics.planet import bearing, great_circle_distance
 from ampi.physics.state import (
     ALTITUDE,
+    ANGLE_OF_ATTACK,
     AZIMUTH,
     BANK,
     CIRCULAR_STATES,
     LATITUDE,
     LONGITUDE,
-    N_STATES,
     SPEED,
 )
 from ampi.propagation.adaptive_step import Accuracy, Integration, IntegrationError, Stop, integrate
@@ -43,11 +45,13 @@ class ConstantBank:
     """Fly at one bank angle (rad, on any turn) from the entry state down to the target speed.
 
     With a heading corridor (rad) the sign of the bank angle turns over whenever the azimuth leaves
-    bearing ± corridor.
+    bearing ± corridor. Where the angle of attack (rad) is a control, it is held, too; None: in the
+    middle of its bounds.
     """
 
     bank_angle: float
     heading_corridor: float | None = None
+    angle_of_attack: float | None = None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "bank_angle", float(on_turn_of(self.bank_angle, 0.0)))
@@ -55,12 +59,19 @@ class ConstantBank:
 
 @dataclass(frozen=True)
 class NodalGuess:
-    """States (n, 7; SI) and bank rate (n; rad/s) at the mesh nodes, final time (s)."""
+    """States (n, s; SI) and rates of the controls (n; rad/s) at the mesh nodes, final time (s)."""
 
     states: Array
     bank_rate: Array
     final_time: float
     target_multipliers: Array | None = None  # of a solved neighbour, cost per SI unit of e
+    angle_of_attack_rate: Array | None = None  # where it is a control
+
+    @property
+    def controls(self) -> Array:
+        """(m, n), rad/s."""
+        rates = [self.bank_rate, self.angle_of_attack_rate]
+        return np.stack([rate for rate in rates if rate is not None])
 
     def for_rows(self, rows: int) -> NodalGuess:
         """The same beside a target of so many rows: multipliers of another target say nothing of it."""
@@ -82,21 +93,30 @@ def constant_bank_guess(mission: Mission, guess: ConstantBank) -> NodalGuess | N
     rate = np.zeros(mesh.n_nodes)
     if guess.heading_corridor is not None or mission.entry.bank_angle is not None:
         rate = collocated_rate(mesh, nodal[:, 6], final_time)
-    return NodalGuess(nodal, rate, final_time)
+    angle_rate = None
+    if mission.angle_of_attack is not None:
+        angle_rate = collocated_rate(mesh, nodal[:, ANGLE_OF_ATTACK], final_time)
+    return NodalGuess(nodal, rate, final_time, angle_of_attack_rate=angle_rate)
 
 
 def _fly(mission: Mission, guess: ConstantBank) -> list[Integration] | None:
     """The legs between reversals; None if the flight never slows to the target speed."""
     entry, target = mission.entry, mission.target
-    physics = Physics.of(mission.flight_model, NodeFunctions(), 1.0)
-    function = node_dynamics(physics.structure, (1.0,) * N_STATES).values
+    held = _held_angle(mission, guess)
+    physics = Physics.of(mission.flight_model, NodeFunctions(), (1.0, 1.0) if held else 1.0)
+    function = node_dynamics(physics.structure, (1.0,) * mission.n_states).values
     start = guess.bank_angle if entry.bank_angle is None else entry.bank_angle
-    state = np.append(mission.entry_state, start)
+    state = np.array([*mission.entry_state, start])
+    if held is not None:
+        first = held(state) if entry.angle_of_attack is None else entry.angle_of_attack
+        state = np.append(state, first)
     command, legs = guess.bank_angle, list[Integration]()
 
     def rates(t: float, x: Array) -> Array:
-        roll = np.array([[(command - x[BANK]) / ROLL_TIME]])
-        at = (x.reshape(N_STATES, 1, 1), roll, np.array([[t]]))
+        turn = [(command - x[BANK]) / ROLL_TIME]
+        if held is not None:
+            turn.append((held(x) - x[ANGLE_OF_ATTACK]) / ROLL_TIME)
+        at = (x[:, None, None], np.array(turn)[:, None, None], np.array([[t]]))
         return function.one_by_one(*at, physics.numbers)[0][:, 0, 0]
 
     def turned_too_far(t: float, x: Array) -> float:
@@ -124,6 +144,20 @@ def _fly(mission: Mission, guess: ConstantBank) -> list[Integration] | None:
     return None
 
 
+def _held_angle(mission: Mission, guess: ConstantBank) -> Callable[[Array], float] | None:
+    """The angle of attack (rad) of a guess at a state, where it is a control."""
+    bounds, model = AngleBounds.of(mission.angle_of_attack), mission.flight_model
+    if bounds is None:
+        return None
+
+    def held(state: Array) -> float:
+        low, high = bounds.at_state(model, state)
+        own = 0.5 * (low + high) if guess.angle_of_attack is None else guess.angle_of_attack
+        return float(min(max(own, low), high))
+
+    return held
+
+
 def collocated_rate(mesh: Mesh, bank: Array, final_time: float) -> Array:
     """Rate (n,) of the bank-angle polynomials through `bank` (n,); zero at the first node."""
     rate = np.zeros(mesh.n_nodes)
@@ -134,7 +168,7 @@ def collocated_rate(mesh: Mesh, bank: Array, final_time: float) -> Array:
 
 
 def _sampled(legs: list[Integration], times: Array) -> Array:
-    """States (n, 7) at `times` (n,), each from the leg it lies in."""
+    """States (n, s) at `times` (n,), each from the leg it lies in."""
     index = np.searchsorted([leg.end for leg in legs[:-1]], times, side="left")
     return np.stack([legs[k].at(float(t)) for k, t in zip(index, times, strict=True)])
 
@@ -145,10 +179,12 @@ def constant_banks(mission: Mission, candidates: int = 9) -> list[ConstantBank]:
     Those whose flight never slows down are left out.
     """
     limit = 0.9 * mission.limits.bank_angle
-    corridor = None if mission.guess is None else mission.guess.heading_corridor
+    given = mission.guess
+    corridor = None if given is None else given.heading_corridor
+    angle = None if given is None else given.angle_of_attack
     found: list[tuple[float, ConstantBank]] = []
     for bank_angle in np.linspace(-limit, limit, candidates):
-        constant = ConstantBank(float(bank_angle), corridor)
+        constant = ConstantBank(float(bank_angle), corridor, angle)
         guess = constant_bank_guess(mission, constant)
         if guess is None:
             continue
@@ -163,7 +199,8 @@ def constant_banks(mission: Mission, candidates: int = 9) -> list[ConstantBank]:
 def default_guess(mission: Mission) -> ConstantBank | None:
     """The mission's own constant bank angle, else the best one."""
     if mission.guess is not None:
-        return ConstantBank(mission.guess.bank_angle, mission.guess.heading_corridor)
+        given = mission.guess
+        return ConstantBank(given.bank_angle, given.heading_corridor, given.angle_of_attack)
     return next(iter(constant_banks(mission)), None)
 
 
@@ -175,15 +212,22 @@ def from_trajectory(trajectory: Trajectory, mission: Mission) -> NodalGuess:
 def on_mesh_of(trajectory: Trajectory, mesh: Mesh, entry: Array) -> NodalGuess:
     """A trajectory at the nodes of `mesh`, on the turns of the `entry` state (6,)."""
     if trajectory.mesh == mesh:
-        states, rate = trajectory.states, trajectory.bank_rate
+        states, rates = trajectory.states, trajectory.controls
     else:
         times = mesh.times(trajectory.final_time)
         states, _ = trajectory.at(np.minimum(times, trajectory.final_time))
-        rate = collocated_rate(mesh, states[6], trajectory.final_time)
+        angles = states[BANK:]
+        rates = np.stack([collocated_rate(mesh, y, trajectory.final_time) for y in angles])
     states = states.T.copy()
     for state, start in zip(CIRCULAR_STATES, (*entry[[1, 5]], 0.0), strict=True):
         states[:, state] += on_turn_of(states[0, state], start) - states[0, state]
-    return NodalGuess(states, rate.copy(), trajectory.final_time, trajectory.target_multipliers)
+    return NodalGuess(
+        states,
+        rates[0].copy(),
+        trajectory.final_time,
+        trajectory.target_multipliers,
+        rates[1].copy() if len(rates) > 1 else None,
+    )
 
 
 def nodal_guess(mission: Mission, guess: ConstantBank | Trajectory) -> NodalGuess | None:

@@ -54,7 +54,7 @@ def from_any(mission: Mission, solve_from: SolveFrom, most_iterations: int) -> T
     """
     first = default_guess(mission)
     if first is None:
-        return Trajectory.none(mission.pseudospectral_mesh, Status.GUESS_FAILED)
+        return Trajectory.none(mission.pseudospectral_mesh, Status.GUESS_FAILED, mission.n_states)
     results = [GuessResult(first, solve_from(first, most_iterations))]
     if results[0].trajectory.status.ok:
         return results[0].trajectory

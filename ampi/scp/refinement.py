@@ -35,7 +35,7 @@ from numpy.typing import NDArray
 
 from ampi.missions.mission import Mission
 from ampi.missions.path_limits import KEPT, PathLimits
-from ampi.physics.state import BANK
+from ampi.physics.state import BANK, STEERING
 from ampi.propagation.adaptive_step import Accuracy, IntegrationError
 from ampi.propagation.segment_flight import fly_segment
 from ampi.pseudospectral.mesh import Mesh, Phase, Segment
@@ -109,18 +109,20 @@ def _segment_error(
     mission: Mission, limits: PathLimits, trajectory: Trajectory, s: Segment, spacing: float
 ) -> tuple[float, float]:
     collocated = trajectory.states[None, :, s.nodes]
-    first, bank = collocated[:, :BANK, 0], collocated[:, BANK]
+    first, angles = collocated[:, :BANK, 0], collocated[:, BANK:].swapaxes(0, 1)
     final_time = np.array([trajectory.final_time])
     model = mission.flight_model
     try:
-        flight = fly_segment(model, s, bank, first, final_time, spacing, ACCURACY)
+        flight = fly_segment(model, s, angles, first, final_time, spacing, ACCURACY)
     except IntegrationError:
         return np.inf, np.inf
     scale = np.array(STATE_SCALE[:BANK])
     off = np.abs(flight.states[..., flight.at_nodes] - collocated)[0, :BANK].max(axis=1)
-    # not the rate, the last: beside a switch its polynomial overshoots on any mesh, the more the finer
-    *use, _ = limits.use(model, flight.states[0], flight.bank_rate[0], flight.times[0])
-    return float((off / scale).max()), max(float(np.max(one)) for one in use) - 1.0
+    steering = dict(zip(STEERING, flight.rates[:, 0], strict=False))
+    use = limits.use(model, flight.states[0], time=flight.times[0], **steering)
+    # not the rates: beside a switch their polynomials overshoot on any mesh, the more the finer
+    read = [one for name, one in zip(limits.names, use, strict=True) if name not in STEERING]
+    return float((off / scale).max()), max(float(np.max(one)) for one in read) - 1.0
 
 
 def refined_mesh(mesh: Mesh, ratio: Array, settings: RefinementSettings) -> Mesh:

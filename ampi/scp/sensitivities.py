@@ -1,4 +1,4 @@
-"""How optima move with the parameters: ∂(states, bank rate, final time)/∂p at the nodes.
+"""How optima move with the parameters: ∂(states, controls, final time)/∂p at the nodes.
 
 Let F(w, p) = 0 be the conditions of Karush, Kuhn and Tucker with the limits that hold the optimum as
 equations, w = (states, control, final time, multipliers). Where the second-order condition holds, the
@@ -35,12 +35,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ampi.missions.mission import Mission
-from ampi.physics.state import N_STATES
 from ampi.scp.condensed.limit_rows import Sides
 from ampi.scp.condensed.newton import NewtonIteration
 from ampi.scp.condensed.newton_system import NewtonSystem
 from ampi.scp.condensed.points import Points
 from ampi.scp.condensed.settings import SolverSettings
+from ampi.scp.condensed.transcription import by_control
 from ampi.scp.guess import on_mesh_of
 from ampi.scp.problem.scaled_problem import OptimalControlProblem, by_case
 from ampi.scp.solve import one_blas_thread
@@ -56,10 +56,15 @@ AT_OPTIMUM = 1e-2  # rad: Newton's step from an optimum is shorter, by far if no
 class Sensitivities:
     """∂/∂p of c optima, SI per SI unit of each of d parameters; NaN where an optimum has none."""
 
-    states: Array  # (c, d, 7, n)
-    bank_rate: Array  # (c, d, n)
+    states: Array  # (c, d, s, n)
+    controls: Array  # (c, d, m, n): bank rate, then the angle of attack's where it is a control
     final_time: Array  # (c, d)
     held: Sides  # (c, rows), which limits hold the optima (condensed.limit_rows)
+
+    @property
+    def bank_rate(self) -> Array:
+        """(c, d, n)."""
+        return self.controls[:, :, 0]
 
 
 def refusal(mission: Mission) -> str | None:
@@ -124,10 +129,10 @@ def sensitivities(
             above, below = (base.followed_to(there) for there in beside[2 * i : 2 * i + 2])
             parts = zip(above, below, strict=True)
             derivatives.append([(up - down) / (2.0 * step) for up, down in parts])
-    states, bank_rate, final_time = (np.stack(d, axis=1) for d in zip(*derivatives, strict=True))
-    for array in (states, bank_rate, final_time):
+    states, controls, final_time = (np.stack(d, axis=1) for d in zip(*derivatives, strict=True))
+    for array in (states, controls, final_time):
         array[~base.regular] = np.nan
-    return Sensitivities(states, bank_rate, final_time, base.iteration.multipliers.side)
+    return Sensitivities(states, controls, final_time, base.iteration.multipliers.side)
 
 
 def _problems(mission: Mission, points: Array, steps: Array) -> list[OptimalControlProblem]:
@@ -175,11 +180,12 @@ class _Optima:
             system = system.with_curvature_of(multipliers)
         step = system.held_step(*system.right_side(shift), multipliers.side)
         multipliers.target, multipliers.limits = step.target, step.limits
-        size = np.maximum(np.abs(step.change).max(axis=(0, 2)), np.abs(step.z[:, -2]))
+        time_column = system.condensed.time_column
+        size = np.maximum(np.abs(step.change).max(axis=(0, 2)), np.abs(step.z[:, time_column]))
         return cls(iteration, system, size < AT_OPTIMUM)
 
     def followed_to(self, problem: OptimalControlProblem) -> tuple[Array, Array, Array]:
-        """States (c, 7, n), bank rate (c, n) and final time (c,) near the optima of `problem`, SI.
+        """States (c, s, n), controls (c, m, n) and final time (c,) near the optima of `problem`, SI.
 
         A simplified step with the factors of these optima.
         """
@@ -187,7 +193,8 @@ class _Optima:
         multipliers = self.iteration.multipliers.copy()
         iteration = replace(self.iteration, points=points, multipliers=multipliers)
         system, everyone = self.system.with_numbers_of(points), points.everyone
-        iteration.simplified_step(system, np.zeros((*points.u.shape, N_STATES)), everyone)
+        iteration.simplified_step(system, points.nothing_changed(), everyone)
         scale = np.array(problem.scaling.states)[:, None]
-        rate = points.rate(everyone) * by_case(problem.bank_rate_limit)
-        return points.x.transpose(1, 0, 2) * scale, rate, points.final_time
+        rates = by_control(points.rate(everyone), problem.n_controls)
+        controls = [r * by_case(a.rate_limit) for r, a in zip(rates, problem.angles, strict=True)]
+        return points.x.transpose(1, 0, 2) * scale, np.stack(controls, axis=1), points.final_time

@@ -15,7 +15,6 @@ from threadpoolctl import ThreadpoolController
 from ampi.missions.family import MissionFamily
 from ampi.missions.mission import Mission
 from ampi.missions.sections import GuessSection
-from ampi.physics.state import N_STATES
 from ampi.propagation.reintegration import flown_again
 from ampi.scp.condensed.exact_hessian import ExactHessianIteration
 from ampi.scp.condensed.newton import newton
@@ -212,9 +211,11 @@ def _refuse_other_kinds(mission: Any, guess: Any, settings: Any, refinement: Any
             f"guess: expected a Trajectory, a ConstantBank (rad) or None, got {guess!r}; a bank angle "
             "is a guess as ampi.ConstantBank(bank_angle)"
         )
-    if isinstance(guess, Trajectory) and guess.states.shape != (N_STATES, guess.mesh.n_nodes):
+    if isinstance(guess, Trajectory) and guess.states.shape != (
+        shape := (mission.n_states, guess.mesh.n_nodes)
+    ):
         raise MethodError(
-            f"guess: expected states of shape {(N_STATES, guess.mesh.n_nodes)}, those of its mesh, got "
+            f"guess: expected states of shape {shape}, those of the mission on its mesh, got "
             f"{guess.states.shape}"
         )
     for name, value, expected in (
@@ -239,7 +240,7 @@ def _by_the_literature(
         found = solve_by(mission, METHODS[method], subproblem or solve_sparse_subproblem)
     if found is not None:
         return found.trajectory
-    return Trajectory.none(mission.pseudospectral_mesh, Status.GUESS_FAILED)
+    return Trajectory.none(mission.pseudospectral_mesh, Status.GUESS_FAILED, mission.n_states)
 
 
 def one_blas_thread() -> AbstractContextManager[object]:

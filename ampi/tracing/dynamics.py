@@ -42,6 +42,7 @@ class Traced:
     f: ca.SX  # as many as states
     g: ca.SX  # limits, then integrands
     jacobian: ca.SX  # ∂f/∂x
+    terminal: ca.SX | None  # m(x_f)
 
     @property
     def n_states(self) -> int:
@@ -82,16 +83,18 @@ def trace(structure: Hashable, state_scale: tuple[float, ...]) -> Traced:
             )
         scales = rate_scale if isinstance(rate_scale, tuple) else (rate_scale,)
         bank_rate, *others = (u[k] * one for k, one in enumerate(scales))
-        own = {"angle_of_attack_rate": others[0]} if others else {}
-        rates = equations_of_motion(model, physical, bank_rate, t, **own)
+        more = {"angle_of_attack_rate": others[0]} if others else {}
+        rates = equations_of_motion(model, physical, bank_rate, t, **more)
         limited = functions.path(model, physical, t)
         integrands = functions.integrands(model, physical, t)
+        own = functions.terminal
+        terminal = None if own is None else own.value(model, ca.vertsplit(physical))
     finally:
         ca.GlobalOptions.setNumpyMode(previous_mode)
     f = ca.vertcat(*rates) / scale
     jacobian = ca.jacobian(f, x)
     _require_quadratures(jacobian)
-    return Traced(x, u, t, p, f, ca.vertcat(*limited, *integrands), jacobian)
+    return Traced(x, u, t, p, f, ca.vertcat(*limited, *integrands), jacobian, terminal)
 
 
 def _count(structure: Hashable) -> int:
@@ -190,6 +193,15 @@ class NodeDynamics:
         f, g, x, t = self.traced.f, self.traced.g, self.traced.x, self.traced.t
         over_xt = ca.jacobian(g, ca.vertcat(x, t))
         outputs = [ca.densify(f), self.traced.jacobian, ca.jacobian(f, t), ca.densify(g), over_xt]
+        return NodeFunction(self._inputs, outputs)
+
+    @cached_property
+    def terminal(self) -> NodeFunction | None:
+        """m, ∂m/∂x and ∂²m/∂x², dense; None where the objective has no such term."""
+        if self.traced.terminal is None:
+            return None
+        hessian, gradient = ca.hessian(self.traced.terminal, self.traced.x)
+        outputs = [self.traced.terminal, ca.densify(gradient), ca.densify(hessian)]
         return NodeFunction(self._inputs, outputs)
 
     @cached_property

@@ -4,7 +4,7 @@ The limits g(x, t) ≤ 1 are the uses of the limits on the path (missions/path_l
 share of the limit that its design margin leaves.
 
 The integrands of the objective: what enters as ∫ L dt, its weights within (heat load, ground range),
-then what enters as ∫ |D| dt, D = ḣ − ḣ_desired in m/s.
+then what enters as ∫ |D| dt, D = ḣ − ḣ_desired in m/s. And m(x_f), a cost of the final state alone.
 
 References
 ----------
@@ -21,8 +21,27 @@ import numpy as np
 from ampi.missions.path_limits import PathLimits
 from ampi.physics.equations_of_motion import FlightModel
 from ampi.physics.path_constraints import path_constraints
-from ampi.physics.state import ALTITUDE, FLIGHT_PATH_ANGLE, SPEED
+from ampi.physics.planet import cross_range_angle
+from ampi.physics.state import ALTITUDE, FLIGHT_PATH_ANGLE, LATITUDE, LONGITUDE, SPEED
 from ampi.tracing.numbers import is_zero
+
+
+@dataclass(frozen=True)
+class TerminalCost:
+    """m(x_f): weights of the final speed and of the cross-range from the entry's great circle."""
+
+    final_speed: Any  # per m/s
+    cross_range: Any  # per m, to the left
+    longitude: Any  # of the entry, rad
+    latitude: Any
+    azimuth: Any
+
+    def value(self, model: FlightModel, state: Any) -> Any:
+        """m at a state (SI, rad; arrays or symbols)."""
+        start = (self.longitude, self.latitude, self.azimuth)
+        angle = cross_range_angle(*start, state[LONGITUDE], state[LATITUDE])
+        across = self.cross_range * (model.planet.equatorial_radius * angle)
+        return self.final_speed * state[SPEED] + across
 
 
 @dataclass(frozen=True)
@@ -34,6 +53,7 @@ class NodeFunctions:
     heat_load: Any = 0.0  # weight of ∫ Q̇ dt, per J/m²
     ground_range: Any = 0.0  # weight of ∫ V cos γ R₀/r dt, per m
     desired_altitude_rate: Any = None  # m/s
+    terminal: TerminalCost | None = None
 
     @property
     def names(self) -> tuple[str, ...]:

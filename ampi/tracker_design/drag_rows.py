@@ -28,7 +28,7 @@ STEP = 1e-30  # of complex steps: no difference is taken, so it may be that smal
 
 
 def drag_rows(family: MissionFamily, states: Array, times: Array) -> Array:
-    """Rows (c, 5, n) of the optima `states` (c, 7, n; SI, rad) of a family of c at `times` (c, n; s).
+    """Rows (c, 5, n) of the optima `states` (c, 7 or 8, n; SI, rad) of a family at `times` (c, n; s).
 
     What is no number comes back as not-a-number.
     """

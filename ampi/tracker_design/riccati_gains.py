@@ -22,6 +22,15 @@ The Riccati equation of (y, δσ) is solved backwards by Strang's splitting: wha
 running cost do to S (S ← ΦᵀSΦ + Q dt, with Φ = I + ∫c dt e_yσ) between halves of what the control
 does, −Ṡ = −S e_σ e_σᵀ S / R. Both have exact flows, so S stays positive however long the step; the
 error is of second order, 2 % of the greatest gain with `STEP`, and lies in the last half minute.
+
+Who steers the angle of attack as well, by δα = −K_α δx about the reference, adds (δα/α_r)²/t_f to the
+running cost, and d δα to the rate of the miss:
+
+    ẏ = c δσ + d δα,  d = Λᵀ A_zα,      −Ṡ = … − S (e_σ e_σᵀ/R + d dᵀ/R_α) S,  K_α = dᵀS/R_α.   (4)
+
+The flows of both controls commute, so one after the other they are still exact. The bank rate's gains
+are then others, smaller: it leaves to the angle of attack what that does cheaper.
+
 Cases of about equal final time share one grid and are swept at once; the grid depends on the case
 alone, so its gains do not depend on its company.
 
@@ -33,7 +42,7 @@ Strang (1968), SIAM J. Numer. Anal. 5(3).
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -53,6 +62,7 @@ HORIZON = (
     100.0  # s: flights are swept together whose final times round up to the same multiple of it
 )
 DEGREE = float(np.pi / 180.0)
+COMPLEX_STEP = 1e-30  # no difference is taken, so it may be that small
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -65,6 +75,13 @@ class GainSettings:
     bank_deviation: float = 5.0 * DEGREE  # rad over the whole flight
 
 
+@dataclass(frozen=True, kw_only=True)
+class SteeringSettings(GainSettings):
+    """The same for Eq. (4), where the angle of attack may leave its reference."""
+
+    angle_of_attack_change: float = 2.0 * DEGREE  # rad over the whole flight
+
+
 def vertex_gains(
     family: MissionFamily,
     mesh: Mesh,
@@ -74,19 +91,51 @@ def vertex_gains(
     *,
     swept_as: Array | None = None,
 ) -> Array:
-    """K at the nodes, (c, 7, n), of trajectories `states` (c, 7, n), `final_time` (c,).
+    """K at the nodes, (c, 7, n), of trajectories `states` (c, 7 or 8, n), `final_time` (c,).
 
     Row i multiplies the error of state i (SI, rad); the command is u_ref − K · δx (rad/s). They are
     swept on the grids of flights of final times `swept_as` (c,); None: their own. Gains need the same
     grids to be compared to more digits than a sweep is accurate to.
     """
-    gains = np.zeros((len(states), 7, mesh.n_nodes))
+    return _swept(family, mesh, states, final_time, settings, None, swept_as)
+
+
+def steering_gains(
+    family: MissionFamily,
+    mesh: Mesh,
+    states: Array,
+    final_time: Array,
+    settings: SteeringSettings,
+    *,
+    swept_as: Array | None = None,
+) -> Array:
+    """K and K_α of Eq. (4) at the nodes, (c, 14, n); the arguments are those of `vertex_gains`.
+
+    The first seven rows are of the bank rate (rad/s), the others of the change of the angle of attack
+    (rad): the commands are u_ref − K · δx and α_ref − K_α · δx.
+    """
+    change = settings.angle_of_attack_change
+    return _swept(family, mesh, states, final_time, settings, change, swept_as)
+
+
+def _swept(
+    family: MissionFamily,
+    mesh: Mesh,
+    states: Array,
+    final_time: Array,
+    settings: GainSettings,
+    change: float | None,
+    swept_as: Array | None,
+) -> Array:
+    """(c, 7, n), or (c, 14, n) with the angle of attack that may `change`: on grids of like flights."""
+    rows = N_STATES if change is None else 2 * N_STATES
+    gains = np.zeros((len(states), rows, mesh.n_nodes))
     horizon = HORIZON * np.ceil((final_time if swept_as is None else swept_as) / HORIZON)
     for longest in np.unique(horizon):
         part = np.flatnonzero(horizon == longest)
         alike = family.take(part)
         fine = [_fine_grid(s, float(longest)) for s in mesh.segments]
-        gains[part] = _sweep(alike, mesh, fine, states[part], final_time[part], settings)
+        gains[part] = _sweep(alike, mesh, fine, states[part], final_time[part], settings, change)
     return gains
 
 
@@ -106,38 +155,78 @@ def _sweep(
     states: Array,
     final_time: Array,
     settings: GainSettings,
+    change: float | None,
 ) -> Array:
     """Backwards over the fine grids of the segments; S is (4, 4, c), Λ (c, 6, 3)."""
     cases = len(states)
-    gains = np.zeros((cases, 7, mesh.n_nodes))
+    gains = np.zeros((cases, 7 if change is None else 14, mesh.n_nodes))
     rate_weight = 1.0 / (settings.bank_rate**2 * final_time)
     bank_weight = 1.0 / (settings.bank_deviation**2 * final_time)
     nodal = _nodal_jacobians(family, mesh, states, final_time)
+    angle = None
+    if change is not None:
+        effect = angle_of_attack_effect(family, mesh, states, final_time)
+        angle = _Angle(1.0 / (change**2 * final_time), effect)
+        nodal = np.concatenate([nodal, effect], axis=2)
     miss = _final_miss(family, states, final_time, settings)
     cost = np.zeros((4, 4, cases))
     cost[range(3), range(3)] = 1.0  # y is counted in acceptable misses
+    if angle is not None:
+        gains[:, 7:, -1] = angle.gain(cost, miss, -1)
     for s, tau in zip(reversed(mesh.segments), reversed(fine), strict=True):
         # along a segment A is as smooth as the states: its values at the nodes give it everywhere
         between = 0.5 * (tau[1:] + tau[:-1])
         matrix = interpolation_matrix(s.rule.nodes, s.rule.barycentric, between)
-        transposed = (matrix @ nodal[:, s.nodes]).reshape(cases, -1, 7, 6)
+        transposed = (matrix @ nodal[:, s.nodes]).reshape(cases, len(between), -1, 6)
         steps = (s.half_length[0] + s.half_length[1] * final_time) * np.diff(tau)[:, None]
         on_node = np.searchsorted(tau, s.rule.nodes)
         node_at = {int(k): s.nodes.start + j for j, k in enumerate(on_node)}
         for k in reversed(range(len(steps))):
             dt = steps[k]
             forward = transposed[:, k] * dt[:, None, None]
-            change = forward @ (miss + 0.5 * (forward[:, :6] @ miss))  # midpoint rule, Eq. (3)
-            miss = miss + change[:, :6]
+            moved = forward @ (miss + 0.5 * (forward[:, :6] @ miss))  # midpoint rule, Eq. (3)
+            miss = miss + moved[:, :6]
             cost = _controlled(cost, 0.5 * dt, rate_weight)
-            cost = _continued(cost, change[:, 6].T)
+            if angle is not None:
+                cost = angle.controlled(cost, 0.5 * dt, moved[:, 7].T / dt)
+            cost = _continued(cost, moved[:, 6].T)
             cost[3, 3] += bank_weight * dt
             cost = _controlled(cost, 0.5 * dt, rate_weight)
+            if angle is not None:
+                cost = angle.controlled(cost, 0.5 * dt, moved[:, 7].T / dt)
             if k in node_at:
-                gain = (cost[3] / rate_weight).T
-                gains[:, :6, node_at[k]] = (miss @ gain[:, :3, None])[:, :, 0]
-                gains[:, 6, node_at[k]] = gain[:, 3]
+                gains[:, :7, node_at[k]] = _over_states(cost[3] / rate_weight, miss)
+                if angle is not None:
+                    gains[:, 7:, node_at[k]] = angle.gain(cost, miss, node_at[k])
     return gains
+
+
+@dataclass(frozen=True, eq=False)
+class _Angle:
+    """The second control of Eq. (4)."""
+
+    weight: Array  # R_α, (c,)
+    effect: Array  # A_zα at the nodes, (c, n, 6)
+
+    def controlled(self, cost: Array, dt: Array, effect: Array) -> Array:
+        """S before `dt` of this control alone, which moves y by d, `effect` (3, c): as `_controlled`."""
+        row = (cost[:3] * effect[:, None]).sum(axis=0)  # dᵀS
+        whole = (row[:3] * effect).sum(axis=0)
+        found: Array = cost - row[:, None] * (row * (dt / (self.weight + dt * whole)))
+        return found
+
+    def gain(self, cost: Array, miss: Array, node: int) -> Array:
+        """K_α at a node, (c, 7)."""
+        effect = (self.effect[:, node, None] @ miss)[:, 0].T
+        return _over_states((cost[:3] * effect[:, None]).sum(axis=0) / self.weight, miss)
+
+
+def _over_states(gain: Array, miss: Array) -> Array:
+    """(c, 7), of the states, from a gain (4, c) of the miss and the bank angle."""
+    found = np.empty((gain.shape[1], N_STATES))
+    found[:, :6] = (miss @ gain.T[:, :3, None])[:, :, 0]
+    found[:, 6] = gain[3]
+    return found
 
 
 def _controlled(cost: Array, dt: Array, rate_weight: Array) -> Array:
@@ -161,7 +250,8 @@ def _final_miss(
     """Λ(t_f) of Eq. (2) over the acceptable misses, (c, 6, 3): altitude, longitude, latitude."""
     final = states[:, :, -1]
     model = family.flight_model()
-    rate = np.stack(equations_of_motion(model, final.T, np.zeros(len(final)), final_time), axis=1)
+    rates = equations_of_motion(model, final.T, np.zeros(len(final)), final_time)
+    rate = np.stack(rates[:BANK], axis=1)
     miss = np.zeros((len(final), 6, 3))
     miss[:, :3] = np.eye(3)
     miss[:, 3] = -rate[:, :3] / rate[:, 3:4]
@@ -178,10 +268,26 @@ def _nodal_jacobians(family: MissionFamily, mesh: Mesh, states: Array, final_tim
     fixed, free = mesh.node_time
     times = fixed + free * final_time[:, None]
     physics = Physics.of(family.flight_model(), NodeFunctions(), 1.0)
-    function = node_dynamics(physics.structure, (1.0,) * N_STATES).jacobian
+    function = node_dynamics(physics.structure, (1.0,) * states.shape[1]).jacobian
     x = np.ascontiguousarray(states.transpose(1, 0, 2))
-    (found,) = function.together(x, np.zeros_like(times), times, physics.numbers)
+    still = np.zeros((states.shape[1] - BANK, *times.shape))
+    (found,) = function.together(x, still, times, physics.numbers)
     for (row, column), values in zip(function.nonzeros[0], found, strict=True):
-        if row != BANK:
+        if row < BANK and column < N_STATES:
             jacobian[:, :, 6 * column + row] = values
     return jacobian
+
+
+def angle_of_attack_effect(
+    family: MissionFamily, mesh: Mesh, states: Array, final_time: Array
+) -> Array:
+    """A_zα at the nodes, (c, n, 6): how the rates of the first six states change with the angle.
+
+    By a complex step in an offset of the angle: the same for a schedule and for a state.
+    """
+    fixed, free = mesh.node_time
+    model = replace(family.flight_model(trailing=1), angle_of_attack_offset=COMPLEX_STEP * 1j)
+    times = fixed + free * final_time[:, None]
+    rates = equations_of_motion(model, np.moveaxis(states, 1, 0), 0.0, times)
+    moved = [np.broadcast_to(np.imag(rate), times.shape) for rate in rates[:BANK]]
+    return np.stack(moved, axis=-1) / COMPLEX_STEP

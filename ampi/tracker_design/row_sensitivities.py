@@ -34,9 +34,9 @@ class Tangent:
 
     mission: Mission
     points: Array  # p, (c, d; SI, rad)
-    states: Array  # (c, 7, n)
+    states: Array  # (c, 7 or 8, n)
     final_time: Array  # (c,)
-    states_by_p: Array  # (c, d, 7, n)
+    states_by_p: Array  # (c, d, 7 or 8, n)
     final_time_by_p: Array  # (c, d)
 
     def derivative(self, rows: Rows, here: Array) -> Array:

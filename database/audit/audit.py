@@ -18,7 +18,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from concurrent.futures import Future
 from contextlib import closing
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -30,9 +30,18 @@ from ampi.missions.family import MissionFamily
 from ampi.missions.mission import Mission
 from ampi.missions.path_limits import PathLimits
 from ampi.onboard.reference import Mode, ReferenceGenerator
+from ampi.onboard.row_layout import RowKind
 from ampi.onboard.table import GuidanceTable
 from ampi.physics.planet import great_circle_distance
-from ampi.physics.state import ALTITUDE, BANK, LATITUDE, LONGITUDE, SPEED
+from ampi.physics.state import (
+    ALTITUDE,
+    ANGLE_OF_ATTACK,
+    BANK,
+    LATITUDE,
+    LONGITUDE,
+    N_STATES,
+    SPEED,
+)
 from ampi.propagation.adaptive_step import IntegrationError
 from ampi.propagation.reintegration import reintegrate_many
 from ampi.scp.solve import optimum
@@ -42,7 +51,7 @@ from ampi.workers.in_order import in_workers
 from ampi.workers.job import JobError, finished
 from ampi.workers.supervisor import require_workers
 from database.audit.branches import Branches, branches
-from database.audit.coherence import ROWS, THRESHOLD, Coherence, coherence, on_turn_of_rows
+from database.audit.coherence import THRESHOLD, Coherence, coherence, on_turn_of_rows
 from database.audit.error_map import CellError, error_map
 from database.plan.grid import Grid
 
@@ -108,10 +117,11 @@ class AuditReport:
         """Plain numbers for JSON."""
         numbers = asdict(self)
         smooth = numbers["coherence"]
+        rows = smooth.pop("rows")
         for key in ("scale", "worst"):
-            smooth[key] = dict(zip(ROWS, getattr(self.coherence, key).tolist(), strict=True))
+            smooth[key] = dict(zip(rows, getattr(self.coherence, key).tolist(), strict=True))
         smooth["curvature"] = [
-            dict(zip(ROWS, b.tolist(), strict=True)) for b in self.coherence.curvature
+            dict(zip(rows, b.tolist(), strict=True)) for b in self.coherence.curvature
         ]
         smooth["roughness"] = self.coherence.roughness.ravel().tolist()
         smooth["threshold"] = THRESHOLD
@@ -267,7 +277,11 @@ def _probe_point(mission: Mission, table: GuidanceTable, point: Array) -> dict[s
     """Errors of every mode at one point; None if the problem there could not be solved."""
     here = mission.with_parameters(point)
     states, rate, final_time = nodal_reference(table, Mode.AMPI, point)
-    guess = Trajectory(mission.pseudospectral_mesh, states, rate, final_time, np.nan, Status.SOLVED)
+    mesh = mission.pseudospectral_mesh
+    guess = Trajectory(mesh, states, rate, final_time, np.nan, Status.SOLVED)
+    if len(states) > N_STATES:
+        angle_rate = states[ANGLE_OF_ATTACK] @ mesh.derivative(final_time).T
+        guess = replace(guess, angle_of_attack_rate=angle_rate)
     truth = optimum(here, guess=guess)
     if not truth.status.ok:
         return None
@@ -278,17 +292,24 @@ def _probe_point(mission: Mission, table: GuidanceTable, point: Array) -> dict[s
         errors[mode.value] = (
             np.full(len(COLUMNS), np.nan)
             if made.hole
-            else _errors(here, truth, generator.nodal_values[table.layout.states], made.final_time)
+            else _errors(here, truth, _states(table, generator), made.final_time)
         )
     return errors
 
 
 def nodal_reference(table: GuidanceTable, mode: Mode, point: Array) -> tuple[Array, Array, float]:
-    """Interpolated nodal states (7, n), bank rate (n,) and final time, before LD→HD."""
+    """Interpolated nodal states (7 or 8, n), bank rate (n,) and final time, before LD→HD."""
     generator = ReferenceGenerator(table, mode)
     final_time = generator.reference(point).final_time
+    rate = generator.nodal_values[table.layout.bank_rate].copy()
+    return _states(table, generator), rate, final_time
+
+
+def _states(table: GuidanceTable, generator: ReferenceGenerator) -> Array:
+    """Of the reference last made, at the nodes; with the angle of attack where the table has it."""
     low, layout = generator.nodal_values, table.layout
-    return low[layout.states].copy(), low[layout.bank_rate].copy(), final_time
+    angle = layout.of(RowKind.ANGLE)
+    return np.concatenate([low[layout.states], low[angle]])
 
 
 def _errors(mission: Mission, truth: Trajectory, states: Array, final_time: float) -> Array:

@@ -191,10 +191,12 @@ def same_optimum(one: Trajectory, other: Trajectory) -> bool:
 
 def halfway(one: Trajectory, other: Trajectory) -> Trajectory:
     """The flight that interpolation finds in the middle between two optima."""
+    rates = 0.5 * (one.controls + other.controls)
     return Trajectory(
         mesh=one.mesh,
         states=0.5 * (one.states + on_turn_of_rows(other.states, one.states)),
-        bank_rate=0.5 * (one.bank_rate + other.bank_rate),
+        bank_rate=rates[0],
+        angle_of_attack_rate=rates[1] if len(rates) > 1 else None,
         final_time=0.5 * (one.final_time + other.final_time),
         cost=np.nan,
         status=Status.SOLVED,

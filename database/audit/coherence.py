@@ -42,13 +42,11 @@ from numpy.typing import NDArray
 from ampi.dataset import TrajectoryDataset
 from ampi.missions.path_limits import KEPT, PathLimits
 from ampi.physics.angles import on_turn_of
-from ampi.physics.state import CIRCULAR_STATES, STATES
+from ampi.physics.state import CIRCULAR_STATES, STEERED_STATES
 from database.plan.grid import Grid
 
 Array = NDArray[np.float64]
 
-ROWS = (*STATES, "final_time")
-ANGULAR = np.isin(np.arange(len(ROWS)), CIRCULAR_STATES)
 # The 729 optima of SHEFEX-3 reach 5 (their 2187 with density 6), a case of its other branch 16 to 40.
 THRESHOLD = 10.0
 RESOLUTION = 1e-5
@@ -70,17 +68,18 @@ class Coherence:
     """Roughness of every case and of every row, and who stands out."""
 
     triples: int
-    scale: Array  # (8,), Eq. (2): SI, rad
+    rows: tuple[str, ...]  # names of the states and of the final time: r
+    scale: Array  # (r,), Eq. (2): SI, rad
     curvature: tuple[
         Array, ...
-    ]  # of each axis, (8,): median + 1.4826 MAD of |f[a, b, c]|, Eq. (2a)
-    worst: Array  # (8,), greatest |δ| / s of each row
+    ]  # of each axis, (r,): median + 1.4826 MAD of |f[a, b, c]|, Eq. (2a)
+    worst: Array  # (r,), greatest |δ| / s of each row
     roughness: Array  # (p…), Eq. (3); NaN where no triple of solved cases holds the case
     outliers: tuple[Outlier, ...]
 
 
 def family_rows(dataset: TrajectoryDataset) -> Array:
-    """States and final time at the nodes, (p…, 8, n)."""
+    """States and final time at the nodes, (p…, r, n)."""
     final_time = dataset.final_time[..., None, None]
     n = dataset.states.shape[-1]
     return np.concatenate(
@@ -91,20 +90,20 @@ def family_rows(dataset: TrajectoryDataset) -> Array:
 def coherence(dataset: TrajectoryDataset) -> Coherence:
     """Measure a database; failed cases take no part."""
     grid, rows = Grid.from_mission(dataset.mission), family_rows(dataset)
+    names = (*STEERED_STATES[: dataset.mission.n_states], "final_time")
     misses = {
         i: chord_misses(axis, np.moveaxis(rows, i, 0))
         for i, axis in enumerate(dataset.axes)
         if len(axis) > 2
     }
     if not misses:
-        unknown = np.full(len(ROWS), np.nan)
+        unknown = np.full(len(names), np.nan)
         curvature = (unknown,) * len(dataset.axes)
-        return Coherence(0, unknown, curvature, unknown, np.full(dataset.shape, np.nan), ())
+        return Coherence(0, names, unknown, curvature, unknown, np.full(dataset.shape, np.nan), ())
     scale = family_scale(list(misses.values()), rows)
     curvatures = {i: _typical(miss / _product(dataset.axes[i], miss)) for i, miss in misses.items()}
-    curvature = tuple(
-        curvatures.get(i, np.full(len(ROWS), np.nan)) for i in range(len(dataset.axes))
-    )
+    unknown = np.full(len(names), np.nan)
+    curvature = tuple(curvatures.get(i, unknown) for i in range(len(dataset.axes)))
     ratios = {
         i: miss / triple_scale(dataset.axes[i], scale, curvature[i], miss)
         for i, miss in misses.items()
@@ -119,18 +118,19 @@ def coherence(dataset: TrajectoryDataset) -> Coherence:
     blamed = _blamed(grid, roughness, ratios)
     return Coherence(
         triples=sum(int(np.isfinite(r).all(axis=-1).sum()) for r in ratios.values()),
+        rows=names,
         scale=scale,
         curvature=curvature,
-        worst=np.fmax.reduce(np.concatenate([r.reshape(-1, len(ROWS)) for r in ratios.values()])),
+        worst=np.fmax.reduce(np.concatenate([r.reshape(-1, len(names)) for r in ratios.values()])),
         roughness=roughness,
         outliers=tuple(_outlier(dataset, grid, case, roughness) for case in blamed),
     )
 
 
 def on_turn_of_rows(rows: Array, reference: Array) -> Array:
-    """Rows (…, r, n), the first r of `ROWS`, with their angles on the turn nearest to `reference`'s."""
+    """Rows (…, r, n), states first, with their angles on the turn nearest to `reference`'s."""
     turned = np.array(rows)
-    angular = np.flatnonzero(ANGULAR[: rows.shape[-2]])
+    angular = [row for row in CIRCULAR_STATES if row < rows.shape[-2]]
     turned[..., angular, :] = on_turn_of(rows[..., angular, :], reference[..., angular, :])
     return turned
 

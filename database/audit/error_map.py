@@ -30,19 +30,20 @@ from numpy.typing import NDArray
 
 from ampi.dataset import TrajectoryDataset
 from ampi.missions.mission import Mission
+from ampi.physics.state import ALTITUDE, BANK, SPEED
 from ampi.scp.solve import optimum
 from ampi.trajectory import Trajectory
 from ampi.workers.in_order import in_workers
 from ampi.workers.job import JobError, finished
 from database.audit.branches import halfway
-from database.audit.coherence import ROWS, chord_misses, family_rows, on_turn_of_rows
+from database.audit.coherence import chord_misses, family_rows, on_turn_of_rows
 from database.plan.grid import Grid
 
 Array = NDArray[np.float64]
 
 PERCENTILE = 90.0
 COLUMNS = ("altitude_m", "speed_m_per_s", "bank_deg", "final_time_s")
-ROW_OF = tuple(ROWS.index(row) for row in ("altitude", "speed", "bank_angle", "final_time"))
+ROW_OF = (ALTITUDE, SPEED, BANK, -1)  # of the states, then the final time
 TO_PRINTED = np.array([1.0, 1.0, np.degrees(1.0), 1.0])
 LINES = 6  # lines of the grid probed on an axis of two points
 

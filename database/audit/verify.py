@@ -26,8 +26,8 @@ import h5py
 import numpy as np
 
 from ampi.dataset import (
+    ANGLE_RATE,
     DIGEST,
-    FIELDS,
     SCHEMA_VERSION,
     DatasetError,
     axis_faults,
@@ -42,7 +42,13 @@ from ampi.hdf5.seal import opened
 from ampi.missions.loading import parse_mission
 from ampi.trajectory import Status
 
-FINITE = ("states", "bank_rate", "gains", "final_time")  # in every solved case, and in no other
+FINITE = (
+    "states",
+    "bank_rate",
+    ANGLE_RATE,
+    "gains",
+    "final_time",
+)  # in every solved case, and in no other
 
 
 @dataclass(frozen=True)
@@ -219,8 +225,9 @@ def _check_values(file: h5py.File) -> Iterator[str]:
     except ValueError as error:
         yield f"mission_toml: {_short(error)}"
     status = file["status"]
-    for name in FINITE:
-        dataset, inner = file[name], len(FIELDS[name].dimensions)
+    form = described(file.attrs)
+    for name in (name for name in FINITE if name in form):
+        dataset, inner = file[name], len(form[name].dimensions)
         wrong = 0
         for place in dataset.iter_chunks():
             here = place[: len(place) - inner]

@@ -13,7 +13,6 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 
 from ampi.missions.mission import Mission
-from ampi.pseudospectral.mesh import Mesh
 from ampi.scp.solve import optimum, solve_family
 from ampi.trajectory import Status, Trajectory
 from database.plan.continuation import PlannedCase
@@ -132,6 +131,6 @@ def stopped_after(seconds: float) -> Iterator[None]:
         signal.setitimer(signal.ITIMER_REAL, 0.0)
 
 
-def no_trajectory(mesh: Mesh) -> Trajectory:
+def no_trajectory(mission: Mission) -> Trajectory:
     """What stands for a case that raised, hung or killed its process."""
-    return Trajectory.none(mesh, Status.ERROR)
+    return Trajectory.none(mission.pseudospectral_mesh, Status.ERROR, mission.n_states)

@@ -287,7 +287,7 @@ class SolveCase(Job):
                 break
             if count == len(path) and (best is None or attempt.neighbour is not None):
                 best = flown  # it has come to the case's own problem, if not to a solution
-        trajectory = no_trajectory(mission.pseudospectral_mesh) if best is None else best
+        trajectory = no_trajectory(mission) if best is None else best
         seconds = time.perf_counter() - began
         record = CaseRecord(self.case, trajectory, "; ".join(log), solves, seconds)
         return _flushed(self.campaign, [record])
@@ -298,7 +298,7 @@ class SolveCase(Job):
 
     def give_up(self, reason: str) -> Kept:
         """A record with the status ERROR."""
-        nothing = no_trajectory(self.campaign.mission.pseudospectral_mesh)
+        nothing = no_trajectory(self.campaign.mission)
         record = CaseRecord(self.case, nothing, reason, 0, 0.0)
         self.campaign.keeping([record])()
         return (self.cases,)

@@ -29,10 +29,14 @@ def neighbour_moved(mission: Mission, *, guess: Trajectory | None = None) -> Tra
     states = guess.states * (1.0 + ROUGHNESS * rng.standard_normal(guess.states.shape))
     states[:6] += np.outer(mission.entry_state - states[:6, 0], fading)
     states[:6, 0] = mission.entry_state
+    bank_rate, *others = (
+        rate * (1.0 + ROUGHNESS * rng.standard_normal(len(fading))) for rate in guess.controls
+    )
     return replace(
         guess,
         states=states,
-        bank_rate=guess.bank_rate * (1.0 + ROUGHNESS * rng.standard_normal(len(fading))),
+        bank_rate=bank_rate,
+        angle_of_attack_rate=others[0] if others else None,
         status=Status.SOLVED,
         statistics=Statistics(iterations=1),
     )

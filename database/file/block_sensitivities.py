@@ -12,9 +12,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ampi.dataset import ANGLE_RATE
 from ampi.missions.family import MissionFamily
 from ampi.missions.mission import Mission
-from ampi.onboard.row_layout import LINEAR_TRACKING, RowKind
+from ampi.onboard.row_layout import LINEAR_TRACKING, RowKind, RowLayout
+from ampi.physics.state import N_STATES
 from ampi.scp.sensitivities import sensitivities
 from ampi.tracker_design.riccati_gains import vertex_gains
 from ampi.tracker_design.row_sensitivities import Tangent
@@ -23,6 +25,13 @@ from database.file.blocks import Block
 from database.records.campaign import Campaign
 
 Array = NDArray[np.float64]
+OF_NODES = ("states", "bank_rate", ANGLE_RATE, "target_multipliers")
+
+
+def stored_rows(mission: Mission) -> RowLayout:
+    """What is differentiated of a mission's optima."""
+    steered = mission.n_states > N_STATES
+    return LINEAR_TRACKING.with_angle_of_attack if steered else LINEAR_TRACKING
 
 
 def block_sensitivities(
@@ -35,7 +44,7 @@ def block_sensitivities(
     grid, mesh = campaign.grid, campaign.mission.pseudospectral_mesh
     solved = values["status"] == int(Status.SOLVED)
     shape = (*block.shape, len(grid.shape))
-    rows = np.full((*shape, len(LINEAR_TRACKING), mesh.n_nodes), np.nan)
+    rows = np.full((*shape, len(stored_rows(campaign.mission)), mesh.n_nodes), np.nan)
     final_time = np.full(shape, np.nan)
     if solved.any():
         cases = block.cases(grid.shape)[solved.ravel()]
@@ -48,14 +57,17 @@ def block_sensitivities(
 def _sensitivities(
     campaign: Campaign, points: Array, values: Mapping[str, NDArray[Any]]
 ) -> tuple[Array, Array]:
-    """Of the rows (c, d, 15, n) and of the final time (c, d), of c optima at `points` (c, d)."""
+    """Of the rows (c, d, 15 or 16, n) and of the final time (c, d), of c optima at `points` (c, d)."""
     mission, mesh = campaign.mission, campaign.mission.pseudospectral_mesh
-    names = ("states", "bank_rate", "final_time", "cost", "target_multipliers")
     optima = [
         Trajectory(
-            mesh, states, rate, float(time), float(cost), Status.SOLVED, target_multipliers=on
+            mesh=mesh,
+            final_time=float(values["final_time"][case]),
+            cost=float(values["cost"][case]),
+            status=Status.SOLVED,
+            **{name: values[name][case] for name in OF_NODES if name in values},
         )
-        for states, rate, time, cost, on in zip(*(values[name] for name in names), strict=True)
+        for case in range(len(points))
     ]
     moved = sensitivities(mission, points, optima, campaign.settings)
     times = values["final_time"]
@@ -64,9 +76,10 @@ def _sensitivities(
     def gains(family: MissionFamily[Mission], states: Array, final_time: Array) -> Array:
         return vertex_gains(family, mesh, states, final_time, campaign.gains, swept_as=times)
 
-    rows = LINEAR_TRACKING.stacked(
+    rows = stored_rows(mission).stacked(
         {
-            RowKind.STATE: moved.states,
+            RowKind.STATE: moved.states[:, :, :N_STATES],
+            RowKind.ANGLE: moved.states[:, :, N_STATES:],
             RowKind.CONTROL: moved.bank_rate[..., None, :],
             RowKind.GAIN: tangent.derivative(gains, values["gains"]),
         }

@@ -15,9 +15,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ampi.dataset import FIELDS
+from ampi.dataset import ANGLE_RATE, FIELDS
 from ampi.missions.mission import Mission
 from ampi.missions.path_limits import PathLimits
+from ampi.physics.state import N_STATES
 from ampi.propagation.reintegration import flight_checks
 from ampi.scp.problem.scaled_problem import OptimalControlProblem
 from ampi.scp.problem.shortfall import outcome_sentence
@@ -113,7 +114,7 @@ def assemble(
     status = np.array([int(r.trajectory.status) for r in records])
     messages = [r.message for r in records]
     states = np.stack([r.trajectory.states for r in records])
-    rate = np.stack([r.trajectory.bank_rate for r in records])
+    rates = np.stack([r.trajectory.controls for r in records])
     final_time = np.array([r.trajectory.final_time for r in records])
     errors = {
         name: np.full(cases, np.nan) for name in ("position_error", "altitude_error", "speed_error")
@@ -133,17 +134,16 @@ def assemble(
                 said = outcome_sentence(family.member(member), optimum.judged_by(flight))
                 messages[k] = f"{attempt}: {said}"
     good = status == int(Status.SOLVED)
-    for array in (states, rate, final_time):
+    for array in (states, rates, final_time):
         array[~good] = np.nan
-    gains = np.full_like(states, np.nan)
+    gains = np.full((cases, N_STATES, mesh.n_nodes), np.nan)
     if good.any():
-        family = mission.family(
-            [grid.point(r.case) for r, ok in zip(records, good, strict=True) if ok]
-        )
+        family = mission.family([grid.point(records[k].case) for k in np.flatnonzero(good)])
         gains[good] = vertex_gains(family, mesh, states[good], final_time[good], settings)
     values: dict[str, NDArray[Any]] = {
         "states": states,
-        "bank_rate": rate,
+        "bank_rate": rates[:, 0],
+        **({ANGLE_RATE: rates[:, 1]} if mission.n_states > N_STATES else {}),
         "gains": gains,
         "target_multipliers": _target_multipliers(mission, records, good),
         "final_time": final_time,

@@ -15,6 +15,7 @@ from ampi.dataset import (
     DIGEST,
     FIELDS,
     SENSITIVITY_FIELDS,
+    STEERED_FIELDS,
     DatasetError,
     Field,
     content_digest,
@@ -163,7 +164,7 @@ def create(
     return file.create_dataset(
         name,
         shape=shape,
-        dtype=(FIELDS | SENSITIVITY_FIELDS)[name].dtype,
+        dtype=(FIELDS | SENSITIVITY_FIELDS | STEERED_FIELDS)[name].dtype,
         chunks=chunks,
         shuffle=True,
         compression="gzip",

@@ -15,7 +15,8 @@ from pathlib import Path
 
 import numpy as np
 
-from ampi.dataset import SCHEMA_VERSION, SENSITIVITIES
+from ampi.dataset import CONTROLS_OF, SCHEMA_VERSION, SENSITIVITIES
+from ampi.physics.state import N_STATES, STEERING
 from ampi.workers.software import UNKNOWN, software
 from database.records.campaign import Campaign, solver_name
 
@@ -34,6 +35,7 @@ def provenance(campaign: Campaign, fingerprint: Mapping[str, str]) -> dict[str, 
         "mesh": json.dumps([asdict(p) for p in mission.pseudospectral_mesh.phases]),
         **{k: v for k, v in fingerprint.items() if k != "mission_sha256"},
         "time_limit": campaign.time_limit,  # s, of one solve
+        **({CONTROLS_OF: " ".join(STEERING)} if mission.n_states > N_STATES else {}),
     }
     return dict(sorted(found.items()))  # the bytes of the file depend on the order
 

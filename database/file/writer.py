@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ampi.missions.path_limits import PathLimits
-from ampi.onboard.row_layout import LINEAR_TRACKING
-from ampi.physics.state import STATES
+from ampi.physics.state import N_STATES, STATES, STEERED_STATES
 from ampi.pseudospectral.mesh import Mesh
 from ampi.scp.problem.scaled_problem import OptimalControlProblem
+from database.file.block_sensitivities import stored_rows
 from database.file.blocks import Block, block_shape
 from database.file.encoded_block import EncodedBlock
 from database.file.hdf5_file import write_dataset
@@ -53,6 +53,7 @@ def write_database(
     mission, grid = campaign.mission, campaign.grid
     mesh, problem = mission.pseudospectral_mesh, OptimalControlProblem.of(mission)
     fixed, free = high_density_times(mesh, nominal_final_time)
+    states = np.array(STEERED_STATES[: mission.n_states], dtype="S20")
     conversion = mesh.conversion(fixed + free * nominal_final_time, nominal_final_time).T
     write_dataset(
         path,
@@ -60,12 +61,13 @@ def write_database(
         axes=grid.axes,
         axis_units=grid.units,
         scales={
-            "state": np.array(STATES, dtype="S20"),
-            "target": np.array(STATES, dtype="S20")[problem.target.state],
+            "state": states,
+            "target": states[problem.target.state],
             "limit": np.array(PathLimits.of(mission).names, dtype="S20"),
             "affine": np.array(["a", "b"], dtype="S1"),
             "node": np.arange(mesh.n_nodes),
             "high_density": np.arange(len(fixed)),
+            **({"tracked": np.array(STATES, dtype="S20")} if len(states) > N_STATES else {}),
             **(_rows_by_parameter(campaign) if campaign.sensitivities else {}),
         },
         values={
@@ -81,5 +83,5 @@ def write_database(
 
 def _rows_by_parameter(campaign: Campaign) -> dict[str, NDArray[np.bytes_]]:
     """The scales of what is differentiated, and over what."""
-    rows = [row.name.encode() for row in LINEAR_TRACKING.rows]
+    rows = [row.name.encode() for row in stored_rows(campaign.mission).rows]
     return {"parameter": np.char.encode(campaign.grid.names), "row": np.array(rows)}

@@ -75,6 +75,7 @@ def predicted(
     whole = [(sign, t) for sign, t in terms if t is not None]
     if not whole or len(whole) < len(terms):
         return None
+    angle = [(s, t.angle_of_attack_rate) for s, t in whole if t.angle_of_attack_rate is not None]
     known = [(sign, t.target_multipliers) for sign, t in whole if t.target_multipliers is not None]
     return replace(
         whole[0][1],
@@ -82,6 +83,7 @@ def predicted(
         bank_rate=_combined([(sign, t.bank_rate) for sign, t in whole]),
         final_time=float(sum(sign * t.final_time for sign, t in whole)),
         target_multipliers=_combined(known) if len(known) == len(whole) else None,
+        angle_of_attack_rate=_combined(angle) if len(angle) == len(whole) else None,
     )
 
 

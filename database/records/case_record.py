@@ -32,6 +32,8 @@ class CaseRecord:
         """
         t = self.trajectory
         arrays = {"states": t.states, "bank_rate": t.bank_rate}
+        if t.angle_of_attack_rate is not None:
+            arrays["angle_of_attack_rate"] = t.angle_of_attack_rate
         if t.target_multipliers is not None:
             arrays["target_multipliers"] = t.target_multipliers
         scalars = np.array([t.final_time, t.cost, self.seconds, *t.statistics.limit_excess])
@@ -68,5 +70,6 @@ class CaseRecord:
             status=Status(head["status"]),
             statistics=Statistics(iterations=head["iterations"], limit_excess=tuple(excess)),
             target_multipliers=arrays.get("target_multipliers"),
+            angle_of_attack_rate=arrays.get("angle_of_attack_rate"),
         )
         return cls(case, trajectory, head["message"], head["solves"], seconds)

@@ -19,9 +19,9 @@ from ampi.dataset import DIGEST, TrajectoryDataset, partial_folder, read_dataset
 from ampi.loading import load_guidance
 from ampi.missions.loading import parse_mission
 from ampi.missions.mission import Mission
+from ampi.physics.state import CIRCULAR_STATES
 from ampi.tracker_design.riccati_gains import GainSettings
 from database.audit.coherence import (
-    ANGULAR,
     RESOLUTION,
     THRESHOLD,
     case_roughness,
@@ -62,7 +62,7 @@ def synthetic(dataset: TrajectoryDataset, seed: int = 5) -> TrajectoryDataset:
     for one in grid:
         states += one[..., None, None] * rng.standard_normal(shape)
         states += (one**2)[..., None, None] * rng.uniform(0.5, 1.0, shape)
-    states[..., ANGULAR[:7], :] *= 0.1
+    states[..., list(CIRCULAR_STATES), :] *= 0.1
     return dataclasses.replace(dataset, states=states)
 
 
@@ -91,7 +91,7 @@ def test_an_uneven_axis_accuses_nobody_but_the_case_that_jumped(
     small = read_dataset(small_database)
     p = np.array(offsets)
     states = p[:, None, None] ** 2 * np.ones(small.states.shape[-2:])
-    states[:, ANGULAR[:7]] *= 1e-5
+    states[:, list(CIRCULAR_STATES)] *= 1e-5
     if jump is not None:
         states[jump, 3] += 1e4
     family = dataclasses.replace(
@@ -174,8 +174,8 @@ def test_a_turn_more_is_the_same_angle(small_database: Path) -> None:
     """Of longitude, azimuth and bank angle of one case, and nothing else."""
     dataset = read_dataset(small_database)
     states = dataset.states.copy()
-    states[1, 2, ANGULAR[:7]] += 2.0 * np.pi
-    assert list(np.flatnonzero(ANGULAR)) == [1, 5, 6]
+    states[1, 2, list(CIRCULAR_STATES)] += 2.0 * np.pi
+    assert CIRCULAR_STATES == (1, 5, 6)
     before, after = coherence(dataset), coherence(dataclasses.replace(dataset, states=states))
     assert after.worst == pytest.approx(before.worst, rel=1e-6)
     assert after.outliers == ()

@@ -75,7 +75,7 @@ def test_a_disk_that_refuses_leaves_no_open_files_and_no_parts(
 
 def test_a_record_is_of_its_build_and_of_its_case(small_mission: Mission, tmp_path: Path) -> None:
     """What a cluster's job of a build that was given up leaves in the folder of the next one."""
-    record = CaseRecord(3, no_trajectory(small_mission.pseudospectral_mesh), "nothing", 0, 0.0)
+    record = CaseRecord(3, no_trajectory(small_mission), "nothing", 0, 0.0)
     keeping_records(tmp_path, [record], "this build")()
     assert load_record(tmp_path, 3, small_mission, "this build") is not None
     assert load_record(tmp_path, 3, small_mission, "another") is None
@@ -86,7 +86,7 @@ def test_a_record_is_of_its_build_and_of_its_case(small_mission: Mission, tmp_pa
 def test_a_portion_is_one_file_and_damage_costs_no_more_than_that(
     small_mission: Mission, tmp_path: Path
 ) -> None:
-    nothing = no_trajectory(small_mission.pseudospectral_mesh)
+    nothing = no_trajectory(small_mission)
     for cases in ((1, 3, 5), (2, 4), (0,), (7,)):
         records = [CaseRecord(case, nothing, f"case {case}", 0, 0.0) for case in cases]
         keeping_records(tmp_path, records, "this build")()

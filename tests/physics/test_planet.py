@@ -2,13 +2,23 @@
 
 from __future__ import annotations
 
+import casadi as ca
 import numpy as np
 import pytest
 from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
 
 from ampi.physics.angles import wrapped
-from ampi.physics.planet import WGS84, Planet, bearing, destination, gravity, great_circle_distance
+from ampi.physics.planet import (
+    WGS84,
+    Planet,
+    bearing,
+    cross_range_angle,
+    destination,
+    gravity,
+    great_circle_distance,
+)
+from tests.support.witness import numpy_of_symbols
 
 laws = settings(deadline=None, max_examples=200)
 latitudes = st.floats(-0.5 * np.pi, 0.5 * np.pi)
@@ -126,3 +136,29 @@ def test_a_planet_without_size_or_mass_is_refused(name: str) -> None:
     }
     with pytest.raises(ValueError, match="equatorial_radius and gravitational_parameter must be"):
         Planet(**{**constants, name: 0.0})
+
+
+@laws
+@given(
+    lon=longitudes,
+    lat=st.floats(-1.4, 1.4),
+    azimuth=longitudes,
+    ahead=st.floats(0.01, 3.0),
+    aside=st.floats(-1.5, 1.5),
+)
+def test_cross_range_is_what_was_flown_at_right_angles_to_the_left(
+    lon: float, lat: float, azimuth: float, ahead: float, aside: float
+) -> None:
+    there = destination(lon, lat, azimuth, ahead)
+    assume(abs(there[1]) < 1.5)
+    onward = bearing(*there, lon, lat) + np.pi
+    final = destination(*there, onward - 0.5 * np.pi, aside)
+    assert cross_range_angle(lon, lat, azimuth, *final) == pytest.approx(aside, abs=1e-9)
+
+
+def test_cross_range_of_an_eastward_entry_on_the_equator_is_the_final_latitude() -> None:
+    x = ca.SX.sym("x", 5)
+    with numpy_of_symbols():
+        traced = ca.Function("traced", [x], [cross_range_angle(*ca.vertsplit(x))])
+    latitude = float(traced([0.0, 0.0, 0.5 * np.pi, 0.8, 0.6]))
+    assert latitude == pytest.approx(0.6, abs=1e-15)

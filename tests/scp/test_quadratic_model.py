@@ -210,20 +210,20 @@ def test_rows_of_the_bank_and_its_rate(
     assert convex.rate + convex.rate_rows @ d == pytest.approx(rate, abs=1e-11)
     limit = flight.problem.bank_limit
     bank = optimum.iterate.states[:, 6]
-    places = convex.bank_map @ bank
-    assert np.array_equal(convex.bank_map[: len(rate)], np.eye(len(rate)))
+    places = convex.angle_map @ bank
+    assert np.array_equal(convex.angle_map[: len(rate)], np.eye(len(rate)))
     between = t.between @ bank
     near = np.abs(between) > 0.85 * limit
     assert places[len(rate) :] == pytest.approx(between[near])
-    assert places + convex.bank_upper == pytest.approx(np.full(len(places), limit))
-    assert places + convex.bank_lower == pytest.approx(np.full(len(places), -limit))
+    assert places + convex.angle_upper == pytest.approx(np.full(len(places), limit))
+    assert places + convex.angle_lower == pytest.approx(np.full(len(places), -limit))
 
 
 def test_merit_tightens_the_bank_box(convex: ConvexSubproblem) -> None:
     price = np.array([1.0, 2.0, 3.0, 4.0])
     bounded = with_merit(convex, radius=0.05, price=price, penalty=7.0)
-    assert bounded.bank_upper == pytest.approx(np.minimum(convex.bank_upper, 0.05))
-    assert bounded.bank_lower == pytest.approx(np.maximum(convex.bank_lower, -0.05))
+    assert bounded.angle_upper == pytest.approx(np.minimum(convex.angle_upper, 0.05))
+    assert bounded.angle_lower == pytest.approx(np.maximum(convex.angle_lower, -0.05))
     assert (bounded.radius, bounded.limit_penalty) == (0.05, 7.0)
     assert np.array_equal(bounded.target_price, price)
     assert bounded.hessian is convex.hessian
@@ -242,8 +242,8 @@ def test_multipliers_are_spread_over_the_nodes(convex: ConvexSubproblem) -> None
     on_bank, halfway = np.zeros(n + 1), np.zeros(n)
     on_bank[[3, n]] = 2.0, -3.0  # at a node, and between nodes
     halfway[:2] = 0.4, 0.6
-    wider = replace(bounded, bank_map=np.vstack([np.eye(n), halfway]))
-    bank = Multipliers.of(replace(step, bank_multiplier=on_bank), wider).bank
+    wider = replace(bounded, angle_map=np.vstack([np.eye(n), halfway]))
+    bank = Multipliers.of(replace(step, angle_multiplier=on_bank), wider).bank
     assert bank[:4] == pytest.approx([-1.2, -1.8, 0.0, 2.0])
     assert bank.sum() == pytest.approx(-1.0)  # what lies between is shared out, nothing is lost
 
@@ -254,8 +254,8 @@ def test_no_step_is_left_at_the_optimum(
     # Newton's step from the optimum: what convergence left, and nothing more.
     step = solve_subproblem(with_merit(convex, radius=1.0, price=np.full(4, 1e6), penalty=1e3))
     assert step.usable
-    assert np.abs(convex.bank_rows @ step.z).max() < 1e-6
-    assert np.abs(convex.bank_rows @ step.z).max() < 1e-3 * nominal.statistics.log[0].step
+    assert np.abs(convex.angle_rows @ step.z).max() < 1e-6
+    assert np.abs(convex.angle_rows @ step.z).max() < 1e-3 * nominal.statistics.log[0].step
     assert mission.limits.bank_angle > np.abs(nominal.states[6]).max()
 
 

@@ -117,8 +117,8 @@ def objective(convex: ConvexSubproblem, z: Array) -> float:
 def violation(convex: ConvexSubproblem, z: Array) -> float:
     """Greatest violation of the hard bounds."""
     rate = np.abs(convex.rate + convex.rate_rows @ z) - 1.0
-    bank = convex.bank_rows @ z
-    outside = np.maximum(bank - convex.bank_upper, convex.bank_lower - bank)
+    bank = convex.angle_rows @ z
+    outside = np.maximum(bank - convex.angle_upper, convex.angle_lower - bank)
     final_time = abs(z[convex.final_time_column]) - convex.radius
     return float(max(rate.max(), outside.max(), final_time))
 
@@ -155,7 +155,7 @@ def test_stationarity_of_the_lagrangian(convex: ConvexSubproblem) -> None:
             convex.hessian @ step.z,
             convex.gradient,
             convex.target_map.T @ step.target_multiplier,
-            convex.bank_rows.T @ step.bank_multiplier,
+            convex.angle_rows.T @ step.angle_multiplier,
             convex.path_rows.T @ step.path_multiplier,
         ]
     )
@@ -171,10 +171,10 @@ def test_multipliers_belong_to_their_rows(convex: ConvexSubproblem) -> None:
     elastic = is_elastic(step.target_multiplier, convex.target_price)
     assert np.abs(error - met)[~elastic].max(initial=0.0) < 1e-7
     assert np.all((np.sign(error) * (error - met))[elastic] > -1e-7)
-    bank = convex.bank_rows @ step.z
-    scale = max(1.0, np.abs(step.bank_multiplier).max())
-    free = np.minimum(convex.bank_upper - bank, bank - convex.bank_lower) > 1e-3
-    assert np.abs(step.bank_multiplier[free]).max(initial=0.0) < 1e-4 * scale
+    bank = convex.angle_rows @ step.z
+    scale = max(1.0, np.abs(step.angle_multiplier).max())
+    free = np.minimum(convex.angle_upper - bank, bank - convex.angle_lower) > 1e-3
+    assert np.abs(step.angle_multiplier[free]).max(initial=0.0) < 1e-4 * scale
     room = convex.path_room + step.slack[convex.path_kind] - convex.path_rows @ step.z
     assert np.all(step.path_multiplier >= 0.0)
     assert np.abs(step.path_multiplier * room).max(initial=0.0) < 1e-3
@@ -209,8 +209,8 @@ def agree(one: Step, two: Step, convex: ConvexSubproblem) -> None:
     assert objective(convex, one.z) == pytest.approx(objective(convex, two.z), rel=1e-7)
     price = convex.target_price
     assert np.abs((one.target_multiplier - two.target_multiplier) / price).max() < 1e-5
-    scale = max(1.0, np.abs(one.bank_multiplier).max())
-    assert np.abs(one.bank_multiplier - two.bank_multiplier).max() < 1e-4 * scale
+    scale = max(1.0, np.abs(one.angle_multiplier).max())
+    assert np.abs(one.angle_multiplier - two.angle_multiplier).max() < 1e-4 * scale
     off = np.abs(one.path_multiplier - two.path_multiplier).max(initial=0.0)
     assert off < 1e-4 * convex.limit_penalty
     assert one.slack == pytest.approx(two.slack, abs=1e-6)
@@ -253,10 +253,10 @@ def small_subproblem(seed: int, price: float) -> ConvexSubproblem:
         rate_rows=rng.normal(size=(5, 8)),
         rate=rng.uniform(-0.9, 0.9, 5),
         entry_rate=None,
-        bank_map=np.eye(5),
-        bank_rows=rng.normal(size=(5, 8)),
-        bank_lower=-rng.uniform(0.1, 1.0, 5),
-        bank_upper=rng.uniform(0.1, 1.0, 5),
+        angle_map=np.eye(5),
+        angle_rows=rng.normal(size=(5, 8)),
+        angle_lower=-rng.uniform(0.1, 1.0, 5),
+        angle_upper=rng.uniform(0.1, 1.0, 5),
         final_time_column=6,
         radius=0.3,
         path_rows=rng.normal(size=(6, 8)),

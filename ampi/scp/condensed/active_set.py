@@ -41,7 +41,7 @@ FEASIBLE = 1e-9  # a row beyond its bound by less counts as inside
 
 @dataclass(frozen=True, eq=False)
 class _Rows:
-    """l ≤ R z ≤ u, in the order rate, bank, δt_f, limits."""
+    """l ≤ R z ≤ u, in the order rates, angles, δt_f, limits."""
 
     matrix: Array
     lower: Array
@@ -55,9 +55,9 @@ class _Rows:
         rate = problem.rate_bounds
         radius, below = [problem.radius], np.full(len(problem.path_room), -np.inf)
         return cls(
-            np.vstack([problem.rate_rows, problem.bank_rows, final_time, problem.path_rows]),
-            np.concatenate([rate[0], problem.bank_lower, np.negative(radius), below]),
-            np.concatenate([rate[1], problem.bank_upper, radius, problem.path_room]),
+            np.vstack([problem.rate_rows, problem.angle_rows, final_time, problem.path_rows]),
+            np.concatenate([rate[0], problem.angle_lower, np.negative(radius), below]),
+            np.concatenate([rate[1], problem.angle_upper, radius, problem.path_room]),
         )
 
 
@@ -107,7 +107,7 @@ def _solved(factor: Array, right: Array, *, transposed: bool = False) -> Array:
 
 
 def _step(problem: ConvexSubproblem, z: Array, on_target: Array, on_rows: Array) -> Step | None:
-    n, b, limits = len(problem.rate), len(problem.bank_rows), problem.n_limits
+    n, b, limits = len(problem.rate), len(problem.angle_rows), problem.n_limits
     on_path = on_rows[n + b + 1 :]
     per_limit = np.bincount(problem.path_kind, weights=on_path, minlength=limits)
     bought_off = np.any(np.abs(on_target) > problem.target_price)
@@ -117,7 +117,7 @@ def _step(problem: ConvexSubproblem, z: Array, on_target: Array, on_rows: Array)
         z=z,
         slack=np.zeros(limits),
         target_multiplier=on_target,
-        bank_multiplier=on_rows[n : n + b],
+        angle_multiplier=on_rows[n : n + b],
         path_multiplier=on_path,
         absolute_multiplier=np.zeros(0),
         status=ConeStatus.SOLVED,

@@ -4,21 +4,24 @@ Linearising R_s = 0 (transcription, Eq. (1)) at the iterate, with A = ∂f/∂x 
 
     (D⊗I − h A) δx = −(D₀⊗I) δx_start + h B δu + (β f + h b f_t) δt_f − R      (1)
 
-Two of the seven states are quadratures: no state enters σ̇ = u, and the longitude enters no rate. Both
-are running integrals (`RadauTranscription.integration`), σ before and θ after the core of five,
+Some states are quadratures: no state enters σ̇ = u, nor α̇ where the angle of attack is steered, and the
+longitude enters no rate. They are running integrals (`RadauTranscription.integration`), the steered
+angles y = σ or (σ, α) before and θ after the core of five,
 
-    (D⊗I − h A_cc) δx_c = −(D₀⊗I) δx_c,start + h A_cσ δσ + (β f_c + h b f_c,t) δt_f − R_c   (2)
+    (D⊗I − h A_cc) δx_c = −(D₀⊗I) δx_c,start + h A_cy δy + (β f_c + h b f_c,t) δt_f − R_c   (2)
 
 whose inverse per segment gives the affine map δx = Z z + c of the free variables
 
-    z = (δu at the collocation points, δt_f, δσ₀).                               (3)
+    z = (δu at the collocation points, δt_f, δy₀),                               (3)
+
+the m controls of a point side by side.
 
 The same inverses, transposed and swept backwards, give the multipliers μ of R = 0; with them the
 Hessian of the Lagrangian is reduced to z (curvature, Eq. (1)). An inverse costs three times as much as
 its factors, but is used a dozen times, and solving with those costs four times as much as its product.
 
 Every sum runs within a case, so that no case depends on its company: the axis of cases is never one of a
-matrix product's own two. Arrays of states have their axis first, (7, c, n); residuals have it last.
+matrix product's own two. Arrays of states have their axis first, (s, c, n); residuals have it last.
 """
 
 from __future__ import annotations
@@ -28,7 +31,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ampi.physics.state import BANK, CORE, LONGITUDE, N_CORE, N_STATES
+from ampi.physics.state import BANK, CORE, LONGITUDE, N_CORE
 from ampi.pseudospectral.mesh import Segment
 from ampi.scp.condensed.transcription import RadauTranscription
 from ampi.tracing.dynamics import Entries, NodeFunction, entries
@@ -36,14 +39,17 @@ from ampi.tracing.dynamics import Entries, NodeFunction, entries
 Array = NDArray[np.float64]
 Cases = NDArray[np.intp]
 
-MOVING = (*CORE, BANK)  # the states that enter rates, in the order of Z's rows
+
+def moving_states(n_states: int) -> tuple[int, ...]:
+    """The states that enter rates, in the order of Z's rows: the core, then the steered angles."""
+    return (*CORE, *range(BANK, n_states))
 
 
 @dataclass(frozen=True, eq=False)
 class NodeDerivatives:
     """f and its first derivatives at all nodes; those of limits and integrands where asked for."""
 
-    rates: Array  # f, (7, c, n)
+    rates: Array  # f, (s, c, n)
     places: tuple[tuple[int, int], ...]  # (row, column) of the nonzeros of ∂f/∂x, by columns
     jacobian: Array  # ∂f/∂x there, (nonzeros, c, n)
     by_time: Entries  # ∂f/∂t, (row, 0) → (c, n)
@@ -64,9 +70,9 @@ class NodeDerivatives:
         )
 
     def gradient_of(self, row: int) -> Array:
-        """∂/∂(x, t) of one limit or integrand at all nodes, (c, n, 8)."""
+        """∂/∂(x, t) of one limit or integrand at all nodes, (c, n, s + 1)."""
         assert self.functions_jacobian is not None
-        found = np.zeros((*self.rates.shape[1:], N_STATES + 1))
+        found = np.zeros((*self.rates.shape[1:], len(self.rates) + 1))
         for (at, column), values in self.functions_jacobian.items():
             if at == row:
                 found[:, :, column] = values
@@ -82,14 +88,14 @@ class CondensedDynamics:
     half: Array  # h, (c, n − 1)
     scaled: Array  # h ∂f/∂x at the collocation points, (nonzeros, c, n − 1)
     jacobian: Entries  # the same by place
-    time_derivative: Array  # ∂f/∂t, (7, c, n − 1)
+    time_derivative: Array  # ∂f/∂t, (s, c, n − 1)
     inverses: tuple[Array, ...]  # of Eq. (2), (c, 5 N, 5 N) by segment
-    moving: Array  # Z of the moving states, (c, n, 6, n_z)
+    moving: Array  # Z of the moving states, (c, n, 5 + m, n_z)
     longitude_rate: (
         Array  # rows over z whose running integral is Z of the longitude, (c, n − 1, n_z)
     )
     final_time_scale: float  # s per unit of z's δt_f
-    rate_scale: Array  # rad/s per unit of z's δu, (c, 1)
+    rate_scale: tuple[Array, ...]  # rad/s per unit of δu, (c, 1) of each control
 
     @property
     def n_variables(self) -> int:
@@ -97,10 +103,30 @@ class CondensedDynamics:
         return int(self.moving.shape[3])
 
     @property
+    def n_states(self) -> int:
+        """s: seven, or eight."""
+        return len(self.derivatives.rates)
+
+    @property
+    def n_controls(self) -> int:
+        """m: one, or two."""
+        return self.n_states - BANK
+
+    @property
+    def states(self) -> tuple[int, ...]:
+        """`moving_states`."""
+        return moving_states(self.n_states)
+
+    @property
+    def time_column(self) -> int:
+        """The column of δt_f in z, from behind; those of δy₀ follow."""
+        return -1 - self.n_controls
+
+    @property
     def final_map(self) -> Array:
-        """Z of all states at the last node, (c, 7, n_z)."""
-        final = np.empty((len(self.moving), N_STATES, self.n_variables))
-        final[:, MOVING] = self.moving[:, -1]
+        """Z of all states at the last node, (c, s, n_z)."""
+        final = np.empty((len(self.moving), self.n_states, self.n_variables))
+        final[:, self.states] = self.moving[:, -1]
         final[:, LONGITUDE] = (self.transcription.integration[-1:] @ self.longitude_rate)[:, 0]
         return final
 
@@ -109,12 +135,12 @@ class CondensedDynamics:
         return np.asarray(self.transcription.integration @ self.longitude_rate)
 
     def change(self, z: Array, cases: Cases) -> Array:
-        """Z z, (7, k, n), of z (k, n_z) of `cases`."""
+        """Z z, (s, k, n), of z (k, n_z) of `cases`."""
         n, n_z = self.moving.shape[1], self.n_variables
         moving = self._of(cases, self.moving).reshape(len(cases), -1, n_z) @ z[:, :, None]
         rate = (self._of(cases, self.longitude_rate) @ z[:, :, None])[:, :, 0]
-        found = np.zeros((N_STATES, len(cases), n))
-        found[list(MOVING)] = moving.reshape(len(cases), n, len(MOVING)).transpose(2, 0, 1)
+        found = np.zeros((self.n_states, len(cases), n))
+        found[list(self.states)] = moving.reshape(len(cases), n, -1).transpose(2, 0, 1)
         found[LONGITUDE, :, 1:] = _integrated(self.transcription.integration, rate)
         return found
 
@@ -130,14 +156,15 @@ class CondensedDynamics:
         return [self._of(cases, inverse) for inverse in self.inverses]
 
     def correction(self, residual: Array, cases: Cases) -> Array:
-        """Change (k, n − 1, 7) at fixed entry state, u and t_f that cancels `residual` of `cases`."""
+        """Change (k, n − 1, s) at fixed entry state, u and t_f that cancels `residual` of `cases`."""
         integration = self.transcription.integration
         change = np.empty_like(residual)
-        change[:, :, BANK] = -_integrated(integration, residual[:, :, BANK])
         right = -residual[:, :, CORE]
-        for i, state in enumerate(CORE):
-            if (state, BANK) in self.jacobian:
-                right[:, :, i] += self.jacobian[state, BANK][cases] * change[:, :, BANK]
+        for angle in range(BANK, self.n_states):
+            change[:, :, angle] = -_integrated(integration, residual[:, :, angle])
+            for i, state in enumerate(CORE):
+                if (state, angle) in self.jacobian:
+                    right[:, :, i] += self.jacobian[state, angle][cases] * change[:, :, angle]
         start = np.zeros((len(right), N_CORE))
         for s, inverse in zip(self.transcription.mesh.segments, self._inverses(cases), strict=True):
             here = right[:, s.collocation] - s.rule.derivative[:, :1] * start[:, None]
@@ -146,22 +173,22 @@ class CondensedDynamics:
             start = right[:, s.collocation.stop - 1]
         change[:, :, CORE] = right
         rate = -residual[:, :, LONGITUDE]
-        for state in MOVING:
+        for state in self.states:
             if (LONGITUDE, state) in self.jacobian:
                 rate = rate + self.jacobian[LONGITUDE, state][cases] * change[:, :, state]
         change[:, :, LONGITUDE] = _integrated(integration, rate)
         return change
 
     def multipliers(self, gradient: Array, cases: Cases) -> Array:
-        """μ (7, k, n − 1) of `cases`: one backward sweep.
+        """μ (s, k, n − 1) of `cases`: one backward sweep.
 
-        `gradient` (k, n − 1, 7) is that of cost, target and limits over the states after the first node.
+        `gradient` (k, n − 1, s) is that of cost, target and limits over the states after the first node.
         """
         integration, mesh = self.transcription.integration, self.transcription.mesh
-        mu = np.empty((N_STATES, *gradient.shape[:2]))
+        mu = np.empty((self.n_states, *gradient.shape[:2]))
         mu[LONGITUDE] = -_integrated(integration.T, gradient[:, :, LONGITUDE])
-        right = -gradient[:, :, MOVING]
-        for i, state in enumerate(MOVING):
+        right = -gradient[:, :, self.states]
+        for i, state in enumerate(self.states):
             if (LONGITUDE, state) in self.jacobian:
                 right[:, :, i] += self.jacobian[LONGITUDE, state][cases] * mu[LONGITUDE]
         carried = np.zeros((len(cases), N_CORE))
@@ -173,44 +200,45 @@ class CondensedDynamics:
             core[:, s.collocation] = solution.reshape(here.shape)
             carried = s.rule.derivative[:, 0] @ core[:, s.collocation]
         mu[list(CORE)] = core.transpose(2, 0, 1)
-        on_bank = right[:, :, N_CORE]
-        for i, state in enumerate(CORE):
-            if (state, BANK) in self.jacobian:
-                on_bank = on_bank + self.jacobian[state, BANK][cases] * core[:, :, i]
-        mu[BANK] = _integrated(integration.T, on_bank)
+        for k, angle in enumerate(range(BANK, self.n_states)):
+            on_angle = right[:, :, N_CORE + k]
+            for i, state in enumerate(CORE):
+                if (state, angle) in self.jacobian:
+                    on_angle = on_angle + self.jacobian[state, angle][cases] * core[:, :, i]
+            mu[angle] = _integrated(integration.T, on_angle)
         return mu
 
     def change_of_transpose(
         self, derivatives: NodeDerivatives, half: Array, mu: Array, cases: Cases
     ) -> Array:
-        """(M_new − M)ᵀ μ of `cases`, (k, n − 1, 7); M_new is Eq. (1)'s matrix at `derivatives`."""
+        """(M_new − M)ᵀ μ of `cases`, (k, n − 1, s); M_new is Eq. (1)'s matrix at `derivatives`."""
         grown = half * derivatives.jacobian[:, :, 1:] - self._cases_of(cases, self.scaled)
         rows, columns = np.array(self.derivatives.places).T
         grown *= -mu[rows]
-        found = np.zeros((N_STATES, *half.shape))
+        found = np.zeros((self.n_states, *half.shape))
         present, first = np.unique(columns, return_index=True)
         found[present] = np.add.reduceat(grown, first, axis=0)
         return found.transpose(1, 2, 0)
 
     def projected(self, gradient: Array, cases: Cases) -> Array:
-        """Zᵀ of a gradient over the states after the first node (k, n − 1, 7): (k, n_z)."""
+        """Zᵀ of a gradient over the states after the first node (k, n − 1, s): (k, n_z)."""
         count, n_z = len(cases), self.n_variables
-        rows = self._of(cases, self.moving).reshape(count, -1, n_z)[:, len(MOVING) :]
-        found = gradient[:, :, MOVING].reshape(count, 1, -1) @ rows
+        rows = self._of(cases, self.moving).reshape(count, -1, n_z)[:, len(self.states) :]
+        found = gradient[:, :, self.states].reshape(count, 1, -1) @ rows
         on_rate = _integrated(self.transcription.integration.T, gradient[:, :, LONGITUDE])
         found += on_rate[:, None] @ self._of(cases, self.longitude_rate)
         return np.asarray(found[:, 0])
 
     def rows(self, case: int, node: NDArray[np.intp], gradient: Array) -> Array:
-        """Rows over z (r, n_z) of one case: each a `gradient` (r, 8) over (x, t) at a `node` (r,)."""
-        found = np.einsum("ri,riz->rz", gradient[:, MOVING], self.moving[case, node])
+        """Rows over z (r, n_z) of one case: each a `gradient` (r, s + 1) over (x, t) at a `node` (r,)."""
+        found = np.einsum("ri,riz->rz", gradient[:, self.states], self.moving[case, node])
         on_longitude = gradient[:, LONGITUDE]
         if on_longitude.any():
             integration = self.transcription.integration
             reaching = np.vstack([np.zeros((1, integration.shape[1])), integration])[node]
             found += on_longitude[:, None] * (reaching @ self.longitude_rate[case])
         free = self.transcription.node_free[node] * self.final_time_scale
-        found[:, -2] += gradient[:, N_STATES] * free
+        found[:, self.time_column] += gradient[:, -1] * free
         return np.asarray(found)
 
 
@@ -219,45 +247,40 @@ def condense(
     derivatives: NodeDerivatives,
     final_time: Array,
     *,
-    rate_scale: Array,
+    rate_scale: tuple[Array, ...],
     final_time_scale: float,
-    entry_bank_is_free: bool,
+    free_angles: tuple[bool, ...],
 ) -> CondensedDynamics:
     """Factor Eq. (2) on every segment and build Z, of cases with `final_time` (c,).
 
-    What is not finite, or singular, gives a Z that is not finite. An entry bank angle that is not free
-    has no column in Z.
+    What is not finite, or singular, gives a Z that is not finite. A steered angle that is not free at
+    the entry has no column in Z.
     """
-    cases, n = len(final_time), t.mesh.n_nodes
-    n_z = n + 1
+    m = len(rate_scale)
     half = t.half_lengths(final_time)
     scaled = half * derivatives.jacobian[:, :, 1:]
     jacobian = entries(derivatives.places, scaled)
     time_derivative, by_time = with_final_time(t, derivatives, half)
     by_time *= final_time_scale
 
-    moving = np.zeros((cases, n, len(MOVING), n_z))
-    bank = moving[:, :, N_CORE]
-    bank[:, :, -1] = float(entry_bank_is_free)
-    # h B: ∂f/∂û is the rate of û = 1, in the bank row alone
-    bank[:, 1:, :-2] = t.integration * (half * rate_scale)[:, None]
-    bank[:, 1:, -2] = _integrated(t.integration, by_time[BANK])
+    moving = _steered(t, half, by_time, rate_scale, free_angles)
+    time_column, cases = -1 - m, len(half)
     inverses = []
     for s, derivative in zip(t.mesh.segments, t.core_derivative, strict=True):
         rows = s.collocation
-        after = slice(rows.start + 1, rows.stop + 1)
+        after, own = slice(rows.start + 1, rows.stop + 1), slice(m * rows.start, m * rows.stop)
         inverse = _inverse(derivative, jacobian, rows, cases)
-        right = _right_sides(s, jacobian, bank, by_time)
+        right = _right_sides(s, jacobian, moving[:, :, N_CORE:], by_time)
         solved = right.reshape(cases, right.shape[1], -1) @ inverse.transpose(0, 2, 1)
-        # of the controls before this segment, its own, t_f and σ₀; no later one has any part in it
+        # of the controls before this segment, its own, t_f and y₀; no later one has any part in it
         start, block = moving[:, rows.start], moving[:, after, :N_CORE]
-        carried = solved[:, : N_CORE + 1].transpose(0, 2, 1)
+        carried = solved[:, : N_CORE + m].transpose(0, 2, 1)
         shape = (cases, rows.stop - rows.start, N_CORE, -1)
         if rows.start:
-            block[..., : rows.start] = (carried @ start[:, :, : rows.start]).reshape(shape)
-        block[..., rows] = solved[:, N_CORE + 1 : -1].transpose(0, 2, 1).reshape(shape)
-        block[..., -2:] = (carried @ start[:, :, -2:]).reshape(shape)
-        block[..., -2] += solved[:, -1].reshape(shape[:3])
+            block[..., : own.start] = (carried @ start[:, :, : own.start]).reshape(shape)
+        block[..., own] = solved[:, N_CORE + m : -1].transpose(0, 2, 1).reshape(shape)
+        block[..., time_column:] = (carried @ start[:, :, time_column:]).reshape(shape)
+        block[..., time_column] += solved[:, -1].reshape(shape[:3])
         inverses.append(inverse)
     return CondensedDynamics(
         transcription=t,
@@ -274,22 +297,41 @@ def condense(
     )
 
 
+def _steered(
+    t: RadauTranscription,
+    half: Array,
+    by_time: Array,
+    rate_scale: tuple[Array, ...],
+    free_angles: tuple[bool, ...],
+) -> Array:
+    """Z of the moving states (c, n, 5 + m, n_z) with the rows of the steered angles alone."""
+    m, n = len(rate_scale), t.mesh.n_nodes
+    moving = np.zeros((len(half), n, N_CORE + m, m * n + 1))
+    for k, (scale, is_free) in enumerate(zip(rate_scale, free_angles, strict=True)):
+        angle = moving[:, :, N_CORE + k]
+        angle[:, :, k - m] = float(is_free)
+        # h B: ∂f/∂û is the rate of û = 1, in the row of its angle alone
+        angle[:, 1:, k : -1 - m : m] = t.integration * (half * scale)[:, None]
+        angle[:, 1:, -1 - m] = _integrated(t.integration, by_time[BANK + k])
+    return moving
+
+
 def _longitude_rate(jacobian: Entries, moving: Array, by_time: Array) -> Array:
     """Rows over z whose running integral is Z of the longitude, (c, n − 1, n_z)."""
-    turning = np.zeros((*by_time.shape[1:], 1, len(MOVING)))
-    for i, state in enumerate(MOVING):
+    turning = np.zeros((*by_time.shape[1:], 1, moving.shape[2]))
+    for i, state in enumerate(moving_states(len(by_time))):
         if (LONGITUDE, state) in jacobian:
             turning[:, :, 0, i] = jacobian[LONGITUDE, state]
     rows = (turning @ moving[:, 1:])[:, :, 0]
-    rows[:, :, -2] += by_time[LONGITUDE]
+    rows[:, :, BANK - 1 - len(by_time)] += by_time[LONGITUDE]
     return np.asarray(rows)
 
 
 def with_final_time(
     t: RadauTranscription, derivatives: NodeDerivatives, half: Array
 ) -> tuple[Array, Array]:
-    """∂f/∂t and ∂(h f)/∂t_f at the collocation points, (7, c, n − 1)."""
-    time_derivative = np.zeros((N_STATES, *half.shape))
+    """∂f/∂t and ∂(h f)/∂t_f at the collocation points, (s, c, n − 1)."""
+    time_derivative = np.zeros((len(derivatives.rates), *half.shape))
     for (state, _), rows in derivatives.by_time.items():
         time_derivative[state] = rows[:, 1:]
     by_time = t.half_free * derivatives.rates[:, :, 1:]
@@ -297,25 +339,28 @@ def with_final_time(
     return time_derivative, by_time
 
 
-def _right_sides(s: Segment, jacobian: Entries, bank: Array, by_time: Array) -> Array:
+def _right_sides(s: Segment, jacobian: Entries, angles: Array, by_time: Array) -> Array:
     """Right sides of Eq. (2) on a segment, by columns: (c, columns, degree, 5).
 
-    The columns: start of the core, start of the bank angle, δu of this segment, δt_f.
+    The columns: start of the core, start of the steered angles, δu of this segment, δt_f. `angles` are
+    their rows of Z, (c, n, m, n_z).
     """
-    cases, count, rows = len(bank), s.rule.degree, s.collocation
-    after = slice(rows.start + 1, rows.stop + 1)
-    by_bank = np.zeros((cases, count, N_CORE))
-    for i, state in enumerate(CORE):
-        if (state, BANK) in jacobian:
-            by_bank[:, :, i] = jacobian[state, BANK][:, rows]
-    right = np.zeros((cases, N_CORE + 1 + count + 1, count, N_CORE))
+    cases, count, rows, m = len(angles), s.rule.degree, s.collocation, angles.shape[2]
+    after, first = slice(rows.start + 1, rows.stop + 1), N_CORE + m
+    right = np.zeros((cases, first + m * count + 1, count, N_CORE))
     for i in range(N_CORE):
         right[:, i, :, i] = -s.rule.derivative[:, 0]
-    right[:, N_CORE] = by_bank
-    inside = bank[:, after] - bank[:, rows.start, None]
-    right[:, N_CORE + 1 : -1] = inside[:, :, rows].transpose(0, 2, 1)[..., None] * by_bank[:, None]
     right[:, -1] = by_time[list(CORE)][:, :, rows].transpose(1, 2, 0)
-    right[:, -1] += inside[:, :, -2, None] * by_bank
+    for k in range(m):
+        by_angle = np.zeros((cases, count, N_CORE))
+        for i, state in enumerate(CORE):
+            if (state, BANK + k) in jacobian:
+                by_angle[:, :, i] = jacobian[state, BANK + k][:, rows]
+        right[:, N_CORE + k] = by_angle
+        inside = angles[:, after, k] - angles[:, rows.start, None, k]
+        own = inside[:, :, m * rows.start + k : m * rows.stop : m].transpose(0, 2, 1)
+        right[:, first + k : -1 : m] = own[..., None] * by_angle[:, None]
+        right[:, -1] += inside[:, :, -1 - m, None] * by_angle
     return right
 
 

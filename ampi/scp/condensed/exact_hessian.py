@@ -220,8 +220,8 @@ class ExactHessianIteration:
         if not first.step.usable:
             return first, np.inf, -1.0
         z = first.step.z
-        nodal = convex.bank_rows[: len(convex.rate)] @ z
-        size = max(float(np.abs(nodal).max()), abs(float(z[-2])))
+        nodal = convex.angle_rows[: len(convex.rate)] @ z
+        size = max(float(np.abs(nodal).max()), abs(float(z[convex.final_time_column])))
         inside = convex.absolute_value + convex.absolute_rows @ z
         error = point.target_error + convex.target_map @ z
         predicted = self.merit(point) - (
@@ -262,10 +262,10 @@ class ExactHessianIteration:
         here = point.iterate
         there = Iterate(
             here.states + condensed.change(step.z[None], ONE)[:, 0].T,
-            here.bank_rate + step.z[: len(here.bank_rate)],
-            here.final_time + step.z[-2] * condensed.final_time_scale,
+            here.controls + step.z[: len(here.controls)],
+            here.final_time + step.z[condensed.time_column] * condensed.final_time_scale,
         )
-        trial = self.flight.restore(self.flight.within_bank_limit(there), condensed)
+        trial = self.flight.restore(self.flight.within_bounds(there), condensed)
         reduction = -np.inf if trial is None else self.merit(point) - self.merit(trial)
         return _Candidate(step, trial, float(reduction))
 
@@ -307,12 +307,13 @@ class ExactHessianIteration:
         """Back to SI; without a point, all NaN."""
         problem, n = self.problem, self.problem.mesh.n_nodes
         if point is None:
-            states, rate, final_time = np.full((n, 7), np.nan), np.full(n, np.nan), np.nan
+            states, final_time = np.full((n, problem.n_states), np.nan), np.nan
+            rates = np.full((problem.n_controls, n), np.nan)
             cost, excess = np.nan, np.full(problem.n_limits, np.nan)
         else:
             states = point.iterate.states * np.array(problem.scaling.states)
-            rate = self.flight.transcription.nodal_rate(point.iterate.bank_rate[None])[0]
-            rate = rate * problem.bank_rate_limit
+            rates = self.flight.rates(point.iterate.controls[None])[:, 0]
+            rates = np.stack([r * a.rate_limit for r, a in zip(rates, problem.angles, strict=True)])
             final_time, excess = point.iterate.final_time, point.excess
             cost = point.cost + problem.target.quadratic(point.target_error)
         known = None
@@ -321,7 +322,8 @@ class ExactHessianIteration:
         return Trajectory(
             mesh=problem.mesh,
             states=states.T.copy(),
-            bank_rate=rate,
+            bank_rate=rates[0],
+            angle_of_attack_rate=rates[1] if len(rates) > 1 else None,
             final_time=float(final_time),
             cost=float(cost * problem.objective.cost_scale),
             status=status,

@@ -10,12 +10,14 @@ from numpy.typing import NDArray
 from ampi.missions.path_limits import KEPT
 from ampi.physics.state import BANK
 from ampi.scp.condensed.condensing import CondensedDynamics, NodeDerivatives, condense
-from ampi.scp.condensed.cost import AbsoluteTerms, smooth_cost
+from ampi.scp.condensed.cost import AbsoluteTerms, smooth_cost, terminal_cost
 from ampi.scp.condensed.elastic_target import elastic_cost
-from ampi.scp.condensed.transcription import RadauTranscription, radau_transcription
+from ampi.scp.condensed.points import scaled_controls
+from ampi.scp.condensed.transcription import RadauTranscription, by_control, radau_transcription
 from ampi.scp.guess import NodalGuess, collocated_rate
 from ampi.scp.problem.penalty import limit_excess
 from ampi.scp.problem.scaled_problem import OptimalControlProblem, Target, by_case
+from ampi.scp.problem.steered_angles import SteeredAngle
 
 Array = NDArray[np.float64]
 
@@ -36,16 +38,16 @@ class RestorationSettings:
 
 @dataclass(frozen=True)
 class Iterate:
-    """Scaled states (n, 7), bank rate at the collocation points (n − 1,), final time (s)."""
+    """Scaled states (n, s), û at the collocation points ((n − 1) m,), final time (s)."""
 
     states: Array
-    bank_rate: Array
+    controls: Array
     final_time: float
 
     @property
     def batch(self) -> tuple[Array, Array, Array]:
-        """x (7, 1, n), û (1, n − 1) and t_f (1,): the batch of one."""
-        return self.states.T[:, None], self.bank_rate[None], np.array([self.final_time])
+        """x (s, 1, n), û (1, (n − 1) m) and t_f (1,): the batch of one."""
+        return self.states.T[:, None], self.controls[None], np.array([self.final_time])
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,19 +100,24 @@ class Flight:
         t, problem = self.transcription, self.problem
         x, u, final_time = iterate.batch
         function = problem.dynamics.first
-        outputs = function.one_by_one(x, t.nodal_rate(u), t.times(final_time), problem.numbers)
+        outputs = function.one_by_one(x, self.rates(u), t.times(final_time), problem.numbers)
         with np.errstate(all="ignore"):
             condensed = condense(
                 t,
                 NodeDerivatives.of(function, outputs),
                 final_time,
-                rate_scale=by_case(problem.bank_rate_limit),
+                rate_scale=tuple(by_case(angle.rate_limit) for angle in problem.angles),
                 final_time_scale=problem.scaling.final_time,
-                entry_bank_is_free=problem.entry_bank_angle is None,
+                free_angles=tuple(angle.entry is None for angle in problem.angles),
             )
         if not np.all(np.isfinite(condensed.final_map)):  # what is not a number travels to the end
             raise FloatingPointError("condensing: the linearised dynamics are not finite")
         return condensed
+
+    def rates(self, u: Array) -> Array:
+        """û at all nodes (m, 1, n) of those at the points (1, (n − 1) m)."""
+        m = self.problem.n_controls
+        return by_control(self.transcription.nodal_rate(u, m), m)
 
     def restore(self, iterate: Iterate, condensed: CondensedDynamics | None) -> Point | None:
         """Solve R = 0 for the states at fixed control; None if it does not converge.
@@ -132,30 +139,38 @@ class Flight:
             condensed = None
         return None
 
-    def within_bank_limit(self, iterate: Iterate) -> Iterate:
-        """The iterate with its bank angle cut at the limit, and the rates that fly it so.
+    def within_bounds(self, iterate: Iterate) -> Iterate:
+        """The iterate with its steered angles cut at their bounds, and the rates that fly it so.
 
-        The rows of the subproblem keep the limit to first order; a step in control and final time
-        leaves it by their product. The merit knows nothing of this limit, so no iterate may lie
+        The rows of the subproblem keep the bounds to first order; a step in control and final time
+        leaves them by their product. The merit knows nothing of these bounds, so no iterate may lie
         beyond: a small trust region would then hold no step back. Between the nodes a tenth of what
         counts as kept is left to the second order; a profile that overshoots by more is scaled.
         """
-        t, problem, final_time = self.transcription, self.problem, iterate.final_time
-        turned = t.half_lengths(final_time) * problem.bank_rate_limit * iterate.bank_rate
-        start = iterate.states[0, BANK]
-        bank = np.concatenate([[start], start + t.integration @ turned])
-        cut = np.clip(bank, -problem.bank_limit, problem.bank_limit)
-        overshoot = float(np.abs(t.between @ cut).max()) / problem.bank_limit
+        for k, angle in enumerate(self.problem.angles):
+            if angle.is_bounded:
+                iterate = self._cut(iterate, k, angle)
+        return iterate
+
+    def _cut(self, iterate: Iterate, k: int, angle: SteeredAngle) -> Iterate:
+        t, m, final_time = self.transcription, self.problem.n_controls, iterate.final_time
+        turned = t.half_lengths(final_time) * angle.rate_limit * iterate.controls[k::m]
+        start = iterate.states[0, angle.state]
+        flown = np.concatenate([[start], start + t.integration @ turned])
+        cut = np.clip(flown, angle.lower, angle.upper)
+        middle, half = angle.middle, angle.half_width
+        overshoot = float(np.abs(t.between @ cut - middle).max()) / half
         if overshoot > 1.0 + 0.1 * KEPT:
-            cut /= overshoot
-        if problem.entry_bank_angle is not None:
+            cut = middle + (cut - middle) / overshoot
+        if angle.entry is not None:
             cut[0] = start
-        if np.array_equal(cut, bank):
+        if np.array_equal(cut, flown):
             return iterate
-        states = iterate.states.copy()
-        states[:, BANK] = cut
-        rate = collocated_rate(problem.mesh, states[:, BANK], final_time)[1:]
-        return Iterate(states, np.clip(rate / problem.bank_rate_limit, -1.0, 1.0), final_time)
+        states, controls = iterate.states.copy(), iterate.controls.copy()
+        states[:, angle.state] = cut
+        rate = collocated_rate(self.problem.mesh, cut, final_time)[1:]
+        controls[k::m] = np.clip(rate / angle.rate_limit, -1.0, 1.0)
+        return Iterate(states, controls, final_time)
 
     def _chord(
         self, iterate: Iterate, condensed: CondensedDynamics
@@ -163,7 +178,7 @@ class Flight:
         """The last iterate; (g, L) there, as of before its last, negligible change, if it converged."""
         t, problem, evaluate = self.transcription, self.problem, self.problem.dynamics.values
         x, u, final_time = iterate.batch
-        x, rate, times, before = x.copy(), t.nodal_rate(u), t.times(final_time), np.inf
+        x, rate, times, before = x.copy(), self.rates(u), t.times(final_time), np.inf
         converged = None
         for _ in range(self.restoration.corrections):
             rates, functions = evaluate.one_by_one(x, rate, times, problem.numbers)
@@ -176,14 +191,14 @@ class Flight:
             if size < self.restoration.tolerance:
                 converged = functions[:, 0]
                 break
-        return Iterate(x[:, 0].T.copy(), iterate.bank_rate, iterate.final_time), converged
+        return Iterate(x[:, 0].T.copy(), iterate.controls, iterate.final_time), converged
 
     def evaluate(self, iterate: Iterate) -> Point:
         """Path constraints, cost and target error."""
         t, problem = self.transcription, self.problem
         x, u, final_time = iterate.batch
         _, functions = problem.dynamics.values.one_by_one(
-            x, t.nodal_rate(u), t.times(final_time), problem.numbers
+            x, self.rates(u), t.times(final_time), problem.numbers
         )
         return self._point(iterate, functions[:, 0])
 
@@ -191,10 +206,14 @@ class Flight:
         t, problem = self.transcription, self.problem
         path, integrands = functions[: problem.n_limits].T.copy(), functions[problem.n_limits :]
         _, u, final_time = iterate.batch
+        smooth = smooth_cost(problem, t, u, final_time, integrands[:, None])
+        terminal = terminal_cost(problem, iterate.states[-1:].T, one_by_one=True)
+        if terminal is not None:
+            smooth = smooth + terminal.value
         return Point(
             iterate=iterate,
             path=path,
-            smooth_cost=float(smooth_cost(problem, t, u, final_time, integrands[:, None])[0]),
+            smooth_cost=float(smooth[0]),
             absolute=AbsoluteTerms.of(problem, t, u[0], iterate.final_time, integrands),
             target_error=problem.target.error(iterate.states[-1]),
             excess=limit_excess(path),
@@ -203,14 +222,15 @@ class Flight:
     def first_point(self, guess: NodalGuess) -> Point | None:
         """The guess in scaled units, moved to this problem's entry state and restored to flight.
 
-        Its bank angle is cut at this problem's limit: no step of a small trust region leads back there.
+        Its steered angles are cut at this problem's bounds: no step of a small trust region leads back.
         """
         states = guess.states / np.array(self.problem.scaling.states)
         states[0, :BANK] = self.problem.entry
-        if self.problem.entry_bank_angle is not None:
-            states[0, BANK] = self.problem.entry_bank_angle
-        rate = np.clip(guess.bank_rate[1:] / self.problem.bank_rate_limit, -1.0, 1.0)
-        iterate = self.within_bank_limit(Iterate(states, rate, guess.final_time))
+        for angle in self.problem.angles:
+            if angle.entry is not None:
+                states[0, angle.state] = angle.entry
+        rate = np.clip(scaled_controls(self.problem, [guess])[0], -1.0, 1.0)
+        iterate = self.within_bounds(Iterate(states, rate, guess.final_time))
         states = iterate.states
         try:
             condensed = self.linearise(iterate)

@@ -2,9 +2,9 @@
 
     lower ≤ value + row·z ≤ upper                                                (1)
 
-in the order bank rate at the nodes, bank angle at the nodes, bank angle between them, each path limit at
-the nodes, target rows that are ranges. Rows of matrices are made of those alone that are held; where a
-step leads all others follows from the change of the states.
+in the order rates at the nodes (the controls of a node side by side), each steered angle at the nodes,
+each between them, each path limit at the nodes, target rows that are ranges. Rows of matrices are made of
+those alone that are held; where a step leads all others follows from the change of the states.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ampi.physics.state import BANK, N_CORE, N_STATES
+from ampi.physics.state import BANK, N_CORE
 from ampi.scp.condensed.condensing import Cases, CondensedDynamics
 from ampi.scp.problem.scaled_problem import OptimalControlProblem, Target, by_case
 
@@ -26,8 +26,8 @@ FEASIBLE = 1e-9  # beyond its bound by less, a row counts as inside
 
 def n_rows(problem: OptimalControlProblem, between: int) -> int:
     """How many rows a case has."""
-    n = problem.mesh.n_nodes
-    return 2 * n + between + problem.n_limits * n + len(problem.target.ranged)
+    n, m = problem.mesh.n_nodes, problem.n_controls
+    return m * (2 * n + between) + problem.n_limits * n + len(problem.target.ranged)
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,7 +36,7 @@ class LimitRows:
 
     problem: OptimalControlProblem
     condensed: CondensedDynamics
-    path_gradient: Array  # ∂g/∂(x, t), (m, c, n, 8)
+    path_gradient: Array  # ∂g/∂(x, t), (limits, c, n, s + 1)
     lower: Array  # (c, rows)
     upper: Array  # (c, rows)
 
@@ -50,8 +50,16 @@ class LimitRows:
             condensed.transcription.between,
         )
         target, ranged = problem.target, problem.target.ranged
-        bank = np.broadcast_to(by_case(problem.bank_limit), (cases, n + len(between)))
-        one, path = np.ones((cases, n)), np.ones((cases, problem.n_limits * n))
+        one = np.ones((cases, problem.n_controls * n))
+        path = np.ones((cases, problem.n_limits * n))
+        low, high = (
+            [
+                np.broadcast_to(by_case(getattr(angle, side)), (cases, width))
+                for width in (n, len(between))
+                for angle in problem.angles
+            ]
+            for side in ("lower", "upper")
+        )
         span = (cases, len(ranged))
         least = np.broadcast_to(target.lower[..., ranged], span)
         greatest = np.broadcast_to(target.upper[..., ranged], span)
@@ -59,86 +67,112 @@ class LimitRows:
             problem,
             condensed,
             np.stack(gradients),
-            lower=np.concatenate([-one, -bank, np.full_like(path, -np.inf), least], axis=1),
-            upper=np.concatenate([one, bank, path, greatest], axis=1),
+            lower=np.concatenate([-one, *low, np.full_like(path, -np.inf), least], axis=1),
+            upper=np.concatenate([one, *high, path, greatest], axis=1),
         )
 
     def value(self, target: Target, x: Array, rate: Array, path: Array) -> Array:
-        """Values (k, rows) at states (7, k, n), û (k, n) and g (m, k, n); `target` of those cases."""
-        t, bank = self.condensed.transcription, x[BANK]
-        between = (t.between @ bank[:, :, None])[:, :, 0]
+        """Values (k, rows) at states (s, k, n), û (k, n m), g (limits, k, n); `target` of the cases."""
         final = target.error(x[:, :, -1].T)[:, target.ranged]
-        by_limit = path.transpose(1, 0, 2).reshape(len(bank), -1)
-        return np.concatenate([rate, bank, between, by_limit, final], axis=1)
+        by_limit = path.transpose(1, 0, 2).reshape(x.shape[1], -1)
+        return np.concatenate([rate, *self._of_angles(x), by_limit, final], axis=1)
+
+    def _of_angles(self, x: Array) -> list[Array]:
+        """Of states (s, k, n) the steered angles at the nodes, then between them."""
+        t, angles = self.condensed.transcription, list(x[BANK:])
+        return angles + [(t.between @ angle[:, :, None])[:, :, 0] for angle in angles]
 
     def moved(self, change: Array, rate: Array, time_change: Array, cases: Cases) -> Array:
-        """What a change of states (7, k, n), û (k, n) and scaled t_f (k,) adds to the values."""
-        t, target, bank = self.condensed.transcription, self.problem.target, change[BANK]
-        between = (t.between @ bank[:, :, None])[:, :, 0]
+        """What a change of states (s, k, n), û (k, n m) and scaled t_f (k,) adds to the values."""
+        t, target = self.condensed.transcription, self.problem.target
         gradient = self.path_gradient[:, cases]
-        path = (gradient[..., :N_STATES] * change.transpose(1, 2, 0)).sum(axis=3)
+        path = (gradient[..., :-1] * change.transpose(1, 2, 0)).sum(axis=3)
         step = t.node_free * self.condensed.final_time_scale
-        path += gradient[..., N_STATES] * step * time_change[:, None]
+        path += gradient[..., -1] * step * time_change[:, None]
         final = change[:, :, -1].T[:, target.state[target.ranged]]
-        by_limit = path.transpose(1, 0, 2).reshape(len(bank), -1)
-        return np.concatenate([rate, bank, between, by_limit, final], axis=1)
+        by_limit = path.transpose(1, 0, 2).reshape(change.shape[1], -1)
+        return np.concatenate([rate, *self._of_angles(change), by_limit, final], axis=1)
 
     def matrix(self, case: int, held: NDArray[np.intp]) -> Array:
         """The rows `held` of one case over z, (r, n_z)."""
         t, condensed, target = self.condensed.transcription, self.condensed, self.problem.target
-        n, n_z = t.mesh.n_nodes, condensed.n_variables
-        firsts = np.cumsum([0, n, n, len(t.between), self.problem.n_limits * n])
-        on_rate, on_bank, on_between, on_path, on_final = (
+        n, m = t.mesh.n_nodes, condensed.n_controls
+        widths = [m * n, *[n] * m, *[len(t.between)] * m, self.problem.n_limits * n]
+        firsts = np.cumsum([0, *widths])
+        on_rate, *on_angles, on_path, on_final = (
             held[(held >= first) & (held < last)] - first
             for first, last in zip(firsts, [*firsts[1:], np.inf], strict=True)
         )
-        rate = np.zeros((len(on_rate), n_z))
-        rate[on_rate > 0, on_rate[on_rate > 0] - 1] = 1.0
-        rate[on_rate == 0, : len(t.entry_rate)] = t.entry_rate
-        bank = condensed.moving[case, :, N_CORE]
+        angles = [condensed.moving[case, :, N_CORE + k] for k in range(m)]
+        at_nodes = [angle[rows] for angle, rows in zip(angles, on_angles[:m], strict=True)]
+        between = [t.between[rows] @ a for a, rows in zip(angles, on_angles[m:], strict=True)]
         limit, node = np.divmod(on_path, n)
         path = condensed.rows(case, node, self.path_gradient[limit, case, node])
         final = condensed.final_map[case, target.state[target.ranged[on_final]]]
-        return np.concatenate([rate, bank[on_bank], t.between[on_between] @ bank, path, final])
+        return np.concatenate([self._rate_rows(on_rate), *at_nodes, *between, path, final])
+
+    def _rate_rows(self, held: NDArray[np.intp]) -> Array:
+        """û at the nodes over z, of those rows."""
+        entry, m = self.condensed.transcription.entry_rate, self.condensed.n_controls
+        rows = np.zeros((len(held), self.condensed.n_variables))
+        rows[held >= m, held[held >= m] - m] = 1.0
+        for k in range(m):
+            rows[held == k, k : m * len(entry) : m] = entry
+        return rows
 
     def node_gradient(self, multipliers: Array, path_gradient: Array) -> tuple[Array, Array]:
         """What multipliers (k, rows) of Eq. (1) give in the Lagrangian's gradient.
 
-        Over the states after the first node (k, n − 1, 7), and over the times of the nodes (k, n), with
-        ∂g/∂(x, t) (m, k, n, 8) at the points in question. What `on_control` gives is not among them.
+        Over the states after the first node (k, n − 1, s), and over the times of the nodes (k, n), with
+        ∂g/∂(x, t) (limits, k, n, s + 1) at the points in question. What `on_control` gives is not among
+        them.
         """
-        n, b = self.problem.mesh.n_nodes, len(self.condensed.transcription.between)
-        m = self.problem.n_limits
-        on_path = multipliers[:, 2 * n + b : 2 * n + b + m * n].reshape(-1, m, n)
-        gradient = np.einsum("kmn,mkni->kni", on_path, path_gradient)
-        gradient[:, :, BANK] += self._on_bank(multipliers)
+        gradient = np.einsum("kmn,mkni->kni", self._on_path(multipliers), path_gradient)
+        for k, on_angle in enumerate(self._on_angles(multipliers)):
+            gradient[:, :, BANK + k] += on_angle
         ranged = self.problem.target.ranged
         states = self.problem.target.state[ranged]
         gradient[:, -1, states] += multipliers[:, multipliers.shape[1] - len(ranged) :]
-        return gradient[:, 1:, :N_STATES], gradient[:, :, N_STATES]
+        return gradient[:, 1:, :-1], gradient[:, :, -1]
+
+    def _on_path(self, multipliers: Array) -> Array:
+        """Those of the path limits, (k, limits, n)."""
+        n, limits = self.problem.mesh.n_nodes, self.problem.n_limits
+        first = self.condensed.n_controls * (2 * n + len(self.condensed.transcription.between))
+        return multipliers[:, first : first + limits * n].reshape(-1, limits, n)
 
     def path_multipliers(self, multipliers: Array) -> Array:
-        """Those of the path limits at the nodes after the first, (m, k, n − 1)."""
-        n, b = self.problem.mesh.n_nodes, len(self.condensed.transcription.between)
-        m = self.problem.n_limits
-        on_path = multipliers[:, 2 * n + b : 2 * n + b + m * n].reshape(-1, m, n)
-        return np.ascontiguousarray(on_path.transpose(1, 0, 2)[:, :, 1:])
+        """Those of the path limits at the nodes after the first, (limits, k, n − 1)."""
+        return np.ascontiguousarray(self._on_path(multipliers).transpose(1, 0, 2)[:, :, 1:])
 
-    def on_control(self, multipliers: Array) -> Array:
-        """Those of the rows on û and on the bank angle at the entry, as a gradient over z, (k, n_z)."""
-        t, n = self.condensed.transcription, self.problem.mesh.n_nodes
+    def on_control(self, multipliers: Array, path_gradient: Array) -> Array:
+        """Those of the rows on û and on what is free at the entry, as a gradient over z, (k, n_z).
+
+        Path limits there know nothing of the bank angle, but of the angle of attack.
+        """
+        t, n, m = self.condensed.transcription, self.problem.mesh.n_nodes, self.condensed.n_controls
         gradient = np.zeros((len(multipliers), self.condensed.n_variables))
-        gradient[:, : n - 1] = multipliers[:, 1:n]
-        gradient[:, : len(t.entry_rate)] += multipliers[:, :1] * t.entry_rate
-        if self.problem.entry_bank_angle is None:
-            gradient[:, -1] = self._on_bank(multipliers)[:, 0]
+        gradient[:, : m * (n - 1)] = multipliers[:, m : m * n]
+        for k, on_angle in enumerate(self._on_angles(multipliers)):
+            entry = slice(k, m * len(t.entry_rate), m)
+            gradient[:, entry] += multipliers[:, k : k + 1] * t.entry_rate
+            if self.problem.angles[k].entry is None:
+                gradient[:, k - m] = on_angle[:, 0]
+                if k:
+                    on_path, by_angle = self._on_path(multipliers), path_gradient[..., BANK + k]
+                    gradient[:, k - m] += (on_path[:, :, 0] * by_angle[:, :, 0].T).sum(axis=1)
         return gradient
 
-    def _on_bank(self, multipliers: Array) -> Array:
-        """Those of the bank angle as a gradient over it at the nodes, (k, n)."""
-        t, n = self.condensed.transcription, self.problem.mesh.n_nodes
-        between = multipliers[:, None, 2 * n : 2 * n + len(t.between)]
-        return np.asarray(multipliers[:, n : 2 * n] + (between @ t.between)[:, 0])
+    def _on_angles(self, multipliers: Array) -> list[Array]:
+        """Those of each steered angle as a gradient over it at the nodes, (k, n) each."""
+        t, n, m = self.condensed.transcription, self.problem.mesh.n_nodes, self.condensed.n_controls
+        at_nodes, b = m * n, len(t.between)
+        inside, found = 2 * m * n, []
+        for k in range(m):
+            between = multipliers[:, None, inside + k * b : inside + (k + 1) * b]
+            own = multipliers[:, at_nodes + k * n : at_nodes + (k + 1) * n]
+            found.append(np.asarray(own + (between @ t.between)[:, 0]))
+        return found
 
 
 def following(side: Sides, multipliers: Array, value: Array, lower: Array, upper: Array) -> Sides:

@@ -41,13 +41,14 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ampi.physics.state import BANK, N_STATES
+from ampi.physics.state import BANK
 from ampi.scp.condensed.condensing import Cases, CondensedDynamics, NodeDerivatives, with_final_time
 from ampi.scp.condensed.cost import smooth_gradient
 from ampi.scp.condensed.limit_rows import LimitRows, n_rows
 from ampi.scp.condensed.newton_system import Multipliers, NewtonStep, NewtonSystem
 from ampi.scp.condensed.points import Points
 from ampi.scp.condensed.settings import SolverSettings
+from ampi.scp.condensed.transcription import by_control
 from ampi.scp.cone_program import ConeStatus
 from ampi.scp.guess import NodalGuess
 from ampi.scp.problem.convergence import converged_status
@@ -115,7 +116,7 @@ class NewtonIteration:
         problem, count = points.problem, len(points)
         known = np.stack([np.asarray(g.target_multipliers) for g in guesses])
         known = (known * problem.multiplier_scale)[:, problem.target.held]
-        on_rate = np.zeros((count, int(problem.entry_bank_rate is not None)))
+        on_rate = np.zeros((count, len(problem.given_rates)))
         rows = n_rows(problem, len(points.transcription.between))
         multipliers = Multipliers(
             target=np.concatenate([known, on_rate], axis=1),
@@ -208,7 +209,7 @@ class NewtonIteration:
         """Which cases have converged, and the size of their last step; `size` is that of Newton's."""
         settings, tolerance = self.settings.newton, self.settings.convergence.step
         done, going, last = good & (size < tolerance), good & (size >= tolerance), size
-        changed = np.zeros((len(size), self.points.u.shape[1], N_STATES))
+        changed = self.points.nothing_changed()
         for _ in range(settings.simplified_steps):
             if not going.any():
                 break
@@ -222,22 +223,23 @@ class NewtonIteration:
         """One more step of `cases` with the matrices of the last: its size (k,).
 
         What it costs are first derivatives at the new points. The multipliers there are found with the
-        factors of M, from M_newᵀ μ = −∂(…)/∂x; `changed` (c, n − 1, 7) is the last (M_new − M)ᵀ μ.
+        factors of M, from M_newᵀ μ = −∂(…)/∂x; `changed` (c, n − 1, s) is the last (M_new − M)ᵀ μ.
         """
         points, multipliers, condensed = self.points, self.multipliers, system.condensed
-        derivatives = points.derivatives(cases)
+        column, derivatives = condensed.time_column, points.derivatives(cases)
         shift = points.shift(condensed, derivatives.rates, cases)
-        on_states, on_time = self.node_gradient(system.rows, derivatives, cases)
+        path = np.stack([derivatives.gradient_of(k) for k in range(points.problem.n_limits)])
+        on_states, on_time = self.node_gradient(system.rows, derivatives, path, cases)
         for _ in range(2):  # the first is off by what M has changed, the second by its square
             mu = condensed.multipliers(on_states + changed[cases], cases)
             now = condensed.change_of_transpose(derivatives, self.half(cases), mu, cases)
             left, changed[cases] = now - changed[cases], now
         gradient = self.control_gradient(derivatives, mu, cases)
-        gradient[:, -2] += on_time
-        gradient += system.rows.on_control(multipliers.limits[cases])
+        gradient[:, column] += on_time
+        gradient += system.rows.on_control(multipliers.limits[cases], path)
         over_states, over_time = system.curvature.product(shift, cases)
         gradient += condensed.projected(left + over_states, cases)
-        gradient[:, -2] += over_time
+        gradient[:, column] += over_time
         errors = points.errors(cases, shift)
         errors -= system.compliance[cases] * multipliers.target[cases]
         value = system.limit_values(shift, cases)
@@ -257,11 +259,13 @@ class NewtonIteration:
         return self.points.transcription.half_lengths(self.points.final_time[cases])
 
     def node_gradient(
-        self, rows: LimitRows, derivatives: NodeDerivatives, cases: Cases
+        self, rows: LimitRows, derivatives: NodeDerivatives, path: Array, cases: Cases
     ) -> tuple[Array, Array]:
-        """∂(λᵀe + νᵀg + J)/∂x at the nodes after the first (k, n − 1, 7), and over scaled t_f (k,)."""
+        """∂(λᵀe + νᵀg + J)/∂x at the nodes after the first (k, n − 1, s), and over scaled t_f (k,).
+
+        `path` is ∂g/∂(x, t) there, (limits, k, n, s + 1).
+        """
         points, problem, t = self.points, self.points.problem, self.points.transcription
-        path = np.stack([derivatives.gradient_of(k) for k in range(problem.n_limits)])
         on_states, at_times = rows.node_gradient(self.multipliers.limits[cases], path)
         held = problem.target.held
         on_states[:, -1, problem.target.state[held]] += self.multipliers.target[cases, : len(held)]
@@ -269,25 +273,30 @@ class NewtonIteration:
         if problem.functions.n_smooth:
             weight = t.weights * self.half(cases)
             jacobian = derivatives.gradient_of(problem.n_limits)[:, 1:]
-            on_states += weight[..., None] * jacobian[:, :, :N_STATES]
-            on_time += (weight * jacobian[:, :, N_STATES] * t.node_free[1:]).sum(axis=1)
+            on_states += weight[..., None] * jacobian[:, :, :-1]
+            on_time += (weight * jacobian[:, :, -1] * t.node_free[1:]).sum(axis=1)
             values = points.functions[problem.n_limits, cases, 1:]
             on_time += (t.half_free * t.weights * values).sum(axis=1)
+        terminal = points.terminal(cases)
+        if terminal is not None:
+            on_states[:, -1] += terminal.gradient
         return on_states, on_time * problem.scaling.final_time
 
     def control_gradient(self, derivatives: NodeDerivatives, mu: Array, cases: Cases) -> Array:
         """∇L over z where no state moves (k, n_z): effort, flight time and the dynamics."""
         points, problem, t = self.points, self.points.problem.at(cases), self.points.transcription
         half, u, final_time = self.half(cases), points.u[cases], points.final_time[cases]
-        gradient = smooth_gradient(problem, t, u, final_time)
-        gradient[:, :-2] -= half * by_case(problem.bank_rate_limit) * mu[BANK]
+        gradient, m = smooth_gradient(problem, t, u, final_time), problem.n_controls
+        for k, angle in enumerate(problem.angles):
+            gradient[:, k : -1 - m : m] -= half * by_case(angle.rate_limit) * mu[BANK + k]
         _, by_time = with_final_time(t, derivatives, half)
         for of_state, rate in zip(mu, by_time, strict=True):
-            gradient[:, -2] -= problem.scaling.final_time * (of_state * rate).sum(axis=1)
-        if problem.entry_bank_angle is None:
-            start = t.mesh.segments[0]
-            on_start = mu[BANK][:, start.collocation] * start.rule.derivative[:, 0]
-            gradient[:, -1] += on_start.sum(axis=1)
+            gradient[:, -1 - m] -= problem.scaling.final_time * (of_state * rate).sum(axis=1)
+        start = t.mesh.segments[0]
+        for k, angle in enumerate(problem.angles):
+            if angle.entry is None:
+                on_start = mu[BANK + k][:, start.collocation] * start.rule.derivative[:, 0]
+                gradient[:, k - m] += on_start.sum(axis=1)
         return gradient
 
     def restore(self, condensed: CondensedDynamics, chosen: Flags, last: Array) -> Flags:
@@ -357,7 +366,7 @@ class NewtonIteration:
                 yield int(self.numbers[case]), solution
 
     def trajectory(self, case: int, rate: Array, cost: float, seconds: float) -> Trajectory:
-        """One converged case in SI, with û (n,) and its cost; `seconds` is its share of the time."""
+        """One converged case in SI, with û (n m,) and its cost; `seconds` is its share of the time."""
         points, problem = self.points, self.points.problem.at(case)
         excess = limit_excess(points.path[:, case].T)
         final, settings = points.x[:, case, -1], self.settings.convergence
@@ -368,10 +377,13 @@ class NewtonIteration:
         multipliers[target.held] = self.multipliers.target[case, : len(target.held)]
         if len(target.ranged):
             multipliers[target.ranged] = self.multipliers.limits[case, -len(target.ranged) :]
+        rates = by_control(rate[None], problem.n_controls)[:, 0]
+        rates = np.stack([r * a.rate_limit for r, a in zip(rates, problem.angles, strict=True)])
         return Trajectory(
             mesh=problem.mesh,
             states=points.x[:, case] * np.array(problem.scaling.states)[:, None],
-            bank_rate=rate * problem.bank_rate_limit,
+            bank_rate=rates[0],
+            angle_of_attack_rate=rates[1] if len(rates) > 1 else None,
             final_time=float(points.final_time[case]),
             cost=cost,
             status=status,

@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ampi.physics.state import N_STATES
 from ampi.scp.condensed.condensing import Cases, CondensedDynamics
 from ampi.scp.condensed.convexify import STIFF
 from ampi.scp.condensed.cost import (
@@ -16,7 +15,12 @@ from ampi.scp.condensed.cost import (
     integrand_multipliers,
     smooth_gradient,
 )
-from ampi.scp.condensed.curvature import Curvature, CurvatureSettings, gauss_newton
+from ampi.scp.condensed.curvature import (
+    Curvature,
+    CurvatureSettings,
+    gauss_newton,
+    hold_given_angles,
+)
 from ampi.scp.condensed.dual_steps import LimitedStep
 from ampi.scp.condensed.kkt_factors import KktFactors
 from ampi.scp.condensed.limit_rows import LimitRows, Sides, following
@@ -54,7 +58,7 @@ class NewtonStep:
     """A solution of Eq. (1); not a number for a case that has none."""
 
     z: Array  # (c, n_z)
-    change: Array  # Z z, (7, c, n)
+    change: Array  # Z z, (s, c, n)
     target: Array  # λ, (c, r)
     limits: Array  # ν, (c, rows)
 
@@ -81,9 +85,11 @@ class NewtonSystem:
             condensed.final_map[:, target.state[target.held]],
             _compliance(points),
         )
-        if problem.entry_bank_rate is not None:
+        for k, _ in problem.given_rates:
             row = np.zeros((len(points), 1, condensed.n_variables))
-            row[:, 0, : len(t.entry_rate)] = t.entry_rate
+            row[:, 0, k : condensed.n_controls * len(t.entry_rate) : condensed.n_controls] = (
+                t.entry_rate
+            )
             held_map = np.concatenate([held_map, row], axis=1)
         rows = LimitRows.of(problem, condensed)
         curvature, hessian = _second_order(points, condensed, rows, multipliers)
@@ -112,9 +118,12 @@ class NewtonSystem:
             values = points.functions[problem.n_limits, :, 1:]
             jacobian = condensed.derivatives.gradient_of(problem.n_limits)[:, 1:]
             gradient += integrand_gradient(condensed, values, jacobian, condensed.half, everyone)
+        terminal = points.terminal(everyone)
+        if terminal is not None:
+            gradient += (terminal.gradient[:, None] @ condensed.final_map)[:, 0]
         over_states, over_time = self.curvature.product(shift, everyone)
         gradient += condensed.projected(over_states, everyone)
-        gradient[:, -2] += over_time
+        gradient[:, condensed.time_column] += over_time
         return gradient, points.errors(everyone, shift), self.limit_values(shift, everyone)
 
     def limit_values(self, shift: Array, cases: Cases) -> Array:
@@ -147,7 +156,7 @@ class NewtonSystem:
     ) -> NewtonStep:
         """Of Eq. (1), of `cases` or of all; NaN where the held set does not settle."""
         points, rows = self.points, self.rows
-        changes = np.zeros((N_STATES, *points.x.shape[1:]))
+        changes = np.zeros_like(points.x)
         z, on_target = np.full_like(gradient, np.nan), np.full_like(errors, np.nan)
         on_limits, pending = np.zeros_like(value), points.everyone if cases is None else cases
         for exchange in range(settings.exchanges + 1):
@@ -185,8 +194,9 @@ class NewtonSystem:
 
     def moved(self, z: Array, change: Array, cases: Cases) -> Array:
         """What z (k, n_z) adds to the values of the limits' rows, with `change` = Z z."""
-        rate = self.points.transcription.nodal_rate(z[:, :-2])
-        return self.rows.moved(change, rate, z[:, -2], cases)
+        m, column = self.condensed.n_controls, self.condensed.time_column
+        rate = self.points.transcription.nodal_rate(z[:, :column], m)
+        return self.rows.moved(change, rate, z[:, column], cases)
 
     def _one_by_one(
         self, case: int, side: Sides, gradient: Array, errors: Array, value: Array, most: int
@@ -239,7 +249,7 @@ def _compliance(points: Points) -> Array:
     """1/2w of the rows that always hold, zero where they hold exactly, (c, r)."""
     problem, target = points.problem, points.problem.target
     weight = np.broadcast_to(target.weight[..., target.held], (len(points), len(target.held)))
-    found = np.zeros((len(points), len(target.held) + int(problem.entry_bank_rate is not None)))
+    found = np.zeros((len(points), len(target.held) + len(problem.given_rates)))
     weighted = found[:, : len(target.held)]
     np.divide(0.5, weight, out=weighted, where=weight > 0.0)
     return found
@@ -260,15 +270,19 @@ def _second_order(
     running = None
     if len(omega):
         running = omega[0][..., None] * derivatives.gradient_of(m)[:, 1:]
-        gradient += running[:, :, :N_STATES]
+        gradient += running[:, :, :-1]
+    terminal = points.terminal(everyone)
+    if terminal is not None:
+        gradient[:, -1] += terminal.gradient
     mu = condensed.multipliers(gradient, everyone)
     weights = np.concatenate([rows.path_multipliers(multipliers.limits), omega])
     function = problem.dynamics.second
     (second,) = points.evaluate(function, everyone, -condensed.half * mu, weights, first=1)
     over_xt = entries(function.nonzeros[0], second)
+    if terminal is not None:
+        terminal.add_curvature(over_xt, len(t.weights))
     curvature = Curvature.of(condensed, over_xt, mu, running)
     hessian = curvature.reduced()
     add_rate_curvature(hessian, problem, t, points.u, points.final_time)
-    if problem.entry_bank_angle is not None:
-        hessian[:, -1, -1] += 1.0  # δσ₀ moves nothing: so it is zero
+    hold_given_angles(hessian, problem)
     return curvature, hessian

@@ -8,10 +8,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ampi.physics.state import BANK, N_STATES
+from ampi.physics.state import BANK
 from ampi.scp.condensed.condensing import Cases, CondensedDynamics, NodeDerivatives, condense
-from ampi.scp.condensed.cost import smooth_cost
-from ampi.scp.condensed.transcription import RadauTranscription, radau_transcription
+from ampi.scp.condensed.cost import Terminal, smooth_cost, terminal_cost
+from ampi.scp.condensed.transcription import RadauTranscription, by_control, radau_transcription
 from ampi.scp.guess import NodalGuess
 from ampi.scp.problem.scaled_problem import OptimalControlProblem, by_case
 from ampi.tracing.dynamics import NodeFunction
@@ -26,8 +26,8 @@ class Points:
 
     problem: OptimalControlProblem
     one_by_one: bool  # how the physics is evaluated (tracing)
-    x: Array  # (7, c, n)
-    u: Array  # û at the collocation points, (c, n − 1)
+    x: Array  # (s, c, n)
+    u: Array  # û at the collocation points, (c, (n − 1) m), the m controls of a point side by side
     final_time: Array  # (c,)
     functions: Array  # g and integrands as of the last evaluation, (m + k, c, n)
     transcription: RadauTranscription
@@ -39,7 +39,7 @@ class Points:
         """All cases at their guesses, moved to their entry states."""
         scale, n = np.array(problem.scaling.states), problem.mesh.n_nodes
         x = np.stack([g.states.T for g in guesses], axis=1) / scale[:, None, None]
-        rate = np.stack([g.bank_rate[1:] for g in guesses]) / by_case(problem.bank_rate_limit)
+        rate = scaled_controls(problem, guesses)
         found = cls(
             problem=problem,
             one_by_one=one_by_one,
@@ -55,8 +55,9 @@ class Points:
     def enter(self) -> None:
         """Move the first node of all cases to the entry states of their problem."""
         self.x[:BANK, :, 0] = np.reshape(self.problem.entry, (-1, BANK)).T
-        if self.problem.entry_bank_angle is not None:
-            self.x[BANK, :, 0] = self.problem.entry_bank_angle
+        for angle in self.problem.angles:
+            if angle.entry is not None:
+                self.x[angle.state, :, 0] = angle.entry
 
     def of_problem(self, problem: OptimalControlProblem) -> Points:
         """A copy, moved to the entry states of another problem of as many cases."""
@@ -81,17 +82,18 @@ class Points:
         return self.functions[: self.problem.n_limits]
 
     def rate(self, cases: Cases) -> Array:
-        """û at all nodes, (k, n)."""
-        return self.transcription.nodal_rate(self.u[cases])
+        """û at all nodes, (k, n m)."""
+        return self.transcription.nodal_rate(self.u[cases], self.problem.n_controls)
 
     def evaluate(
         self, function: NodeFunction, cases: Cases, *weights: Array, first: int = 0
     ) -> list[Array]:
         """A traced function at the nodes of `cases` from `first` on."""
         times = self.transcription.times(self.final_time[cases])
-        x, rate, numbers = self.x[:, cases, first:], self.rate(cases), self.problem.numbers
+        x, numbers = self.x[:, cases, first:], self.problem.numbers
+        rate = by_control(self.rate(cases), self.problem.n_controls)[:, :, first:]
         evaluate = function.one_by_one if self.one_by_one else function.together
-        return evaluate(x, rate[:, first:], times[:, first:], at_cases(numbers, cases), *weights)
+        return evaluate(x, rate, times[:, first:], at_cases(numbers, cases), *weights)
 
     def derivatives(self, cases: Cases) -> NodeDerivatives:
         """First derivatives at all nodes; `functions` are brought up to date."""
@@ -108,33 +110,46 @@ class Points:
             self.transcription,
             self.derivatives(self.everyone),
             self.final_time,
-            rate_scale=by_case(problem.bank_rate_limit),
+            rate_scale=tuple(by_case(angle.rate_limit) for angle in problem.angles),
             final_time_scale=problem.scaling.final_time,
-            entry_bank_is_free=problem.entry_bank_angle is None,
+            free_angles=tuple(angle.entry is None for angle in problem.angles),
         )
 
     def shift(self, condensed: CondensedDynamics, rates: Array, cases: Cases) -> Array:
-        """c of `cases`, what the states miss of flying (k, n − 1, 7), with f (7, k, n)."""
+        """c of `cases`, what the states miss of flying (k, n − 1, s), with f (s, k, n)."""
         x, final_time = self.x[:, cases], self.final_time[cases]
         return condensed.correction(self.transcription.residual(x, rates, final_time), cases)
 
     def errors(self, cases: Cases, shift: Array) -> Array:
-        """Of the rows that always hold after `shift`, (k, r): target rows, a given bank rate."""
+        """Of the rows that always hold after `shift`, (k, r): target rows, given rates of the entry."""
         problem, held = self.problem, self.problem.target.held
         target = problem.at(cases).target
         error = target.error(self.x[:, cases, -1].T)[:, held] + shift[:, -1, target.state[held]]
-        if problem.entry_bank_rate is None:
+        given = problem.at(cases).given_rates
+        if not given:
             return np.asarray(error)
-        given = by_case(problem.at(cases).entry_rate)
-        return np.concatenate([error, self.rate(cases)[:, :1] - given], axis=1)
+        first = self.rate(cases)
+        on_rates = [first[:, k : k + 1] - by_case(rate) for k, rate in given]
+        return np.concatenate([error, *on_rates], axis=1)
 
     def take(self, cases: Cases, z: Array, change: Array, shift: Array) -> Array:
-        """Move `cases` by z, `change` = Z z and c; the size of the step, ‖(δσ, δt_f)‖_∞, (k,)."""
+        """Move `cases` by z, `change` = Z z and c; the size of the step, ‖(δy, δt_f)‖_∞, (k,)."""
+        column = -1 - self.problem.n_controls
         change[:, :, 1:] += shift.transpose(2, 0, 1)
         self.x[:, cases] += change
-        self.u[cases] += z[:, :-2]
-        self.final_time[cases] += z[:, -2] * self.problem.scaling.final_time
-        return np.maximum(np.abs(change[BANK]).max(axis=1), np.abs(z[:, -2]))
+        self.u[cases] += z[:, :column]
+        self.final_time[cases] += z[:, column] * self.problem.scaling.final_time
+        return np.maximum(np.abs(change[BANK:]).max(axis=(0, 2)), np.abs(z[:, column]))
+
+    def nothing_changed(self) -> Array:
+        """No gradient over the states after the first node, (c, n − 1, s)."""
+        s, cases, n = self.x.shape
+        return np.zeros((cases, n - 1, s))
+
+    def terminal(self, cases: Cases) -> Terminal | None:
+        """m(x_f) and its derivatives, if the objective has it."""
+        final, problem = self.x[:, cases, -1], self.problem.at(cases)
+        return terminal_cost(problem, final, one_by_one=self.one_by_one)
 
     def cost(self, cases: Cases) -> Array:
         """In the mission's units, (k,)."""
@@ -145,6 +160,9 @@ class Points:
         )
         error = problem.target.error(self.x[:, cases, -1].T)
         total = total + problem.target.quadratic(error)
+        terminal = self.terminal(cases)
+        if terminal is not None:
+            total = total + terminal.value
         return np.asarray(total * by_case(problem.objective.cost_scale)[:, 0])
 
     def keep(self, chosen: NDArray[np.bool_]) -> None:
@@ -155,5 +173,12 @@ class Points:
 
 
 def zero_states(points: Points, cases: Cases) -> Array:
-    """No change of any state, (7, k, n)."""
-    return np.zeros((N_STATES, len(cases), points.x.shape[2]))
+    """No change of any state, (s, k, n)."""
+    return np.zeros((len(points.x), len(cases), points.x.shape[2]))
+
+
+def scaled_controls(problem: OptimalControlProblem, guesses: Sequence[NodalGuess]) -> Array:
+    """û of c guesses at the collocation points, (c, (n − 1) m)."""
+    rates = np.stack([g.controls[:, 1:].T for g in guesses])
+    limits = [np.broadcast_to(by_case(a.rate_limit)[:, 0], len(rates)) for a in problem.angles]
+    return (rates / np.stack(limits, axis=1)[:, None]).reshape(len(rates), -1)

@@ -17,7 +17,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ampi.physics.state import BANK, N_CORE, N_STATES
+from ampi.physics.state import BANK, N_CORE
 from ampi.scp.condensed.condensing import CondensedDynamics
 from ampi.scp.condensed.convexify import convexify_on_tangent
 from ampi.scp.condensed.cost import (
@@ -26,16 +26,18 @@ from ampi.scp.condensed.cost import (
     integrand_gradient,
     integrand_multipliers,
     smooth_gradient,
+    terminal_cost,
 )
 from ampi.scp.condensed.curvature import (
     Curvature,
     CurvatureSettings,
     gauss_newton,
+    hold_given_angles,
     reference_curvature,
 )
 from ampi.scp.condensed.iterate import ONE, Flight, Point
 from ampi.scp.condensed.subproblem import ConvexSubproblem, Step
-from ampi.scp.condensed.transcription import RadauTranscription
+from ampi.scp.condensed.transcription import RadauTranscription, by_control
 from ampi.scp.problem.scaled_problem import OptimalControlProblem
 from ampi.tracing.dynamics import entries
 
@@ -47,8 +49,8 @@ class Multipliers:
     """Multipliers of the last accepted step: they weigh the curvature of the Lagrangian."""
 
     target: Array  # λ, one per row of the target
-    limits: Array  # (n, m)
-    bank: Array  # (n,)
+    limits: Array  # (n, limits)
+    angles: Array  # of the steered angles, (m, n)
     absolute: Array  # κ (k,), of the absolute values in the cost
 
     @classmethod
@@ -57,17 +59,17 @@ class Multipliers:
         return cls(
             np.zeros(len(problem.target)),
             np.zeros(point.path.shape),
-            np.zeros(len(point.path)),
+            np.zeros((problem.n_controls, len(point.path))),
             np.sign(point.absolute.value) * point.absolute.weight,
         )
 
     @classmethod
     def of(cls, step: Step, convex: ConvexSubproblem) -> Multipliers:
         """Spread the subproblem's multipliers over the nodes."""
-        limits = np.zeros((len(convex.rate), convex.n_limits))
+        limits = np.zeros((convex.n_nodes, convex.n_limits))
         limits[convex.path_node, convex.path_kind] = step.path_multiplier
-        bank = convex.bank_map.T @ step.bank_multiplier
-        return cls(step.target_multiplier, limits, bank, step.absolute_multiplier)
+        angles = (convex.angle_map.T @ step.angle_multiplier).reshape(-1, convex.n_nodes)
+        return cls(step.target_multiplier, limits, angles, step.absolute_multiplier)
 
 
 def quadratic_subproblem(
@@ -98,10 +100,11 @@ def quadratic_subproblem(
         hessian = convexify_on_tangent(hessian, held, floor)
     node, kind = np.nonzero(point.path > settings.screening)
     path_rows = condensed.rows(0, node, _limit_gradients(condensed, problem.n_limits)[kind, node])
-    bank, limit = iterate.states[:, BANK], problem.bank_limit
-    # the polynomial overshoots its nodes where it comes to the limit
-    near = np.flatnonzero(np.abs(t.between @ bank) > settings.bank_screening * limit)
-    bank_map = np.vstack([np.eye(len(bank)), t.between[near]])
+    angle_map, at_places, (lower, upper) = _angle_places(flight, point, settings)
+    n_nodes = len(iterate.states)
+    nodal = np.concatenate(
+        [condensed.moving[0, :, N_CORE + k] for k in range(condensed.n_controls)]
+    )
     return ConvexSubproblem(
         hessian=hessian,
         gradient=_gradient(flight, point, condensed),
@@ -112,16 +115,17 @@ def quadratic_subproblem(
         target_map=target_map,
         target_error=point.target_error,
         target_price=np.zeros(len(target)),
-        rate_rows=_rate_rows(t, condensed.n_variables),
-        rate=t.nodal_rate(iterate.bank_rate[None])[0],
-        entry_rate=problem.entry_rate,
-        bank_map=bank_map,
-        bank_rows=bank_map @ condensed.moving[0, :, N_CORE],
-        # an iterate is within the limit at the nodes; between them it may be beyond by what the second
+        rate_rows=_rate_rows(t, condensed),
+        rate=t.nodal_rate(iterate.controls[None], condensed.n_controls)[0],
+        given_rates=problem.given_rates,
+        angle_map=angle_map,
+        angle_rows=angle_map @ nodal,
+        # an iterate is within the bounds at the nodes; between them it may be beyond by what the second
         # order of a step has left, and must not go on
-        bank_lower=np.minimum(-limit - bank_map @ bank, 0.0),
-        bank_upper=np.maximum(limit - bank_map @ bank, 0.0),
-        final_time_column=len(iterate.bank_rate),
+        angle_lower=np.minimum(lower - at_places, 0.0),
+        angle_upper=np.maximum(upper - at_places, 0.0),
+        final_time_column=len(iterate.controls),
+        n_nodes=n_nodes,
         radius=np.inf,
         path_rows=path_rows,
         path_room=1.0 - point.path[node, kind],
@@ -132,11 +136,40 @@ def quadratic_subproblem(
     )
 
 
-def _rate_rows(t: RadauTranscription, n_z: int) -> Array:
-    """δû at every node over z, (n, n_z)."""
+def _angle_places(
+    flight: Flight, point: Point, settings: CurvatureSettings
+) -> tuple[Array, Array, tuple[Array, Array]]:
+    """Where the steered angles are bounded: at all nodes of all of them, and where one is near a bound.
+
+    The map (b, m n) from their nodal values to those places, the values there, and the bounds (b,).
+    """
+    t, problem = flight.transcription, flight.problem
+    n, m = len(point.path), problem.n_controls
+    maps, bounds = (
+        [np.eye(m * n)],
+        [(np.repeat(a.lower, n), np.repeat(a.upper, n)) for a in problem.angles],
+    )
+    for k, angle in enumerate(problem.angles):
+        # the polynomial overshoots its nodes where it comes to a bound
+        away = np.abs(t.between @ point.iterate.states[:, angle.state] - angle.middle)
+        near = np.flatnonzero(away > settings.bank_screening * angle.half_width)
+        rows = np.zeros((len(near), m * n))
+        rows[:, k * n : (k + 1) * n] = t.between[near]
+        maps.append(rows)
+        bounds.append((np.repeat(angle.lower, len(near)), np.repeat(angle.upper, len(near))))
+    angle_map = np.vstack(maps)
+    nodal = np.concatenate([point.iterate.states[:, angle.state] for angle in problem.angles])
+    lower, upper = (np.concatenate(side) for side in zip(*bounds, strict=True))
+    return angle_map, angle_map @ nodal, (lower, upper)
+
+
+def _rate_rows(t: RadauTranscription, condensed: CondensedDynamics) -> Array:
+    """δû at every node over z, (n m, n_z)."""
+    m, n_z = condensed.n_controls, condensed.n_variables
     rows = np.zeros((n_z - 1, n_z))
-    rows[0, : len(t.entry_rate)] = t.entry_rate
-    rows[1:, :-2] = np.eye(n_z - 2)
+    for k in range(m):
+        rows[k, k : m * len(t.entry_rate) : m] = t.entry_rate
+    rows[m:, : condensed.time_column] = np.eye(n_z - 1 - m)
     return rows
 
 
@@ -146,8 +179,8 @@ def with_merit(
     """The subproblem under a trust region, an elastic price and a limit penalty."""
     return replace(
         convex,
-        bank_lower=np.maximum(convex.bank_lower, -radius),
-        bank_upper=np.minimum(convex.bank_upper, radius),
+        angle_lower=np.maximum(convex.angle_lower, -radius),
+        angle_upper=np.minimum(convex.angle_upper, radius),
         radius=radius,
         target_price=price,
         limit_penalty=penalty,
@@ -155,7 +188,7 @@ def with_merit(
 
 
 def _limit_gradients(condensed: CondensedDynamics, n_limits: int) -> Array:
-    """∂g/∂(x, t) of every limit at every node, (m, n, 8)."""
+    """∂g/∂(x, t) of every limit at every node, (limits, n, s + 1)."""
     return np.stack([condensed.derivatives.gradient_of(k)[0] for k in range(n_limits)])
 
 
@@ -169,6 +202,9 @@ def _gradient(flight: Flight, point: Point, condensed: CondensedDynamics) -> Arr
         values = derivatives.functions[problem.n_limits, :, 1:]
         jacobian = derivatives.gradient_of(problem.n_limits)[:, 1:]
         gradient += integrand_gradient(condensed, values, jacobian, condensed.half, ONE)
+    terminal = terminal_cost(problem, point.iterate.states[-1:].T, one_by_one=True)
+    if terminal is not None:
+        gradient += (terminal.gradient[:, None] @ condensed.final_map)[:, 0]
     return np.asarray(gradient[0])
 
 
@@ -176,11 +212,11 @@ def _absolute_rows(flight: Flight, point: Point, condensed: CondensedDynamics) -
     """Of what stands inside |·|, (k, n_z)."""
     problem, derivatives = flight.problem, condensed.derivatives
     assert derivatives.functions is not None
-    descent, jacobian = np.zeros(0), np.zeros((0, N_STATES + 1))
+    descent, jacobian = np.zeros(0), np.zeros((0, condensed.n_states + 1))
     if problem.functions.n_absolute:
         last = len(derivatives.functions) - 1
         descent, jacobian = derivatives.functions[last, 0], derivatives.gradient_of(last)[0]
-    return absolute_rows(problem, condensed, point.iterate.bank_rate, descent, jacobian)
+    return absolute_rows(problem, condensed, point.iterate.controls, descent, jacobian)
 
 
 def lagrangian_hessian(
@@ -194,23 +230,27 @@ def lagrangian_hessian(
     weights = np.concatenate([multipliers.limits.T[:, None, 1:], omega])  # of g and L
     over_xt = np.stack([derivatives.gradient_of(k) for k in range(len(weights))])[:, :, 1:]
     weighted = np.einsum("kci,kcij->cij", weights, over_xt)
-    gradient = weighted[:, :, :N_STATES].copy()
-    gradient[0, :, BANK] += multipliers.bank[1:]
+    gradient = weighted[:, :, :-1].copy()
+    gradient[0, :, BANK:] += multipliers.angles[:, 1:].T
     gradient[0, -1, problem.target.state] += multipliers.target
+    terminal = terminal_cost(problem, point.iterate.states[-1:].T, one_by_one=True)
+    if terminal is not None:
+        gradient[:, -1] += terminal.gradient
     mu = condensed.multipliers(gradient, ONE)
     function = problem.dynamics.second
     (found,) = function.one_by_one(
         x[:, :, 1:],
-        u,
+        by_control(u, problem.n_controls),
         t.times(final_time)[:, 1:],
         problem.numbers,
         -condensed.half * mu,
         weights,
     )
     running = np.einsum("kci,kcij->cij", omega, over_xt[m:]) if len(omega) else None
-    curvature = Curvature.of(condensed, entries(function.nonzeros[0], found), mu, running)
-    hessian = curvature.reduced()
+    second = entries(function.nonzeros[0], found)
+    if terminal is not None:
+        terminal.add_curvature(second, len(t.weights))
+    hessian = Curvature.of(condensed, second, mu, running).reduced()
     add_rate_curvature(hessian, problem, t, u, final_time, kappa)
-    if problem.entry_bank_angle is not None:
-        hessian[:, -1, -1] += 1.0  # δσ₀ moves nothing: so it is zero
+    hold_given_angles(hessian, problem)
     return np.asarray(hessian[0])

@@ -3,8 +3,8 @@
     minimise   ½ zᵀH z + gᵀz + Σ w e² + Σ ν (v⁺ + v⁻) + Σ_j a_j y_j + ρ Σ_k s_k
     subject to C z − e − v⁺ + v⁻ = −(x_f − x_target)   elastic target
                e_lo ≤ e ≤ e_hi                          zero, where it is to be met exactly
-               −1 ≤ û + δû ≤ 1                          bank rate, at every node
-               σ_lo ≤ Z_σ z ≤ σ_hi                      bank limit and trust region, one box
+               −1 ≤ û + δû ≤ 1                          rates of the controls, at every node
+               y_lo ≤ Z_y z ≤ y_hi                      steered angles: bounds and trust region, one box
                |δt_f| ≤ Δ                               trust region
                G_ik J_i z − s_k ≤ 1 − g_ik              path limits, one slack per limit
                ±(c_j + L_j z) ≤ y_j                     absolute values of the cost
@@ -16,7 +16,7 @@ the subproblem always has a solution, and v and s say what could not be met. Col
 
     [  C   −I  −I   I   ·   · ]  = target          [ rate  ·   ·   ·   ·   · ]  two-sided, as ± rows
     [  ·    I   ·   ·   ·   · ]  = exact rows      [ ±L    ·   ·   ·  −I   · ]  absolute values
-    [  Z_σ  ·   ·   ·   ·   · ]  two-sided         [ ±e_tf ·   ·   ·   ·   · ]
+    [  Z_y  ·   ·   ·   ·   · ]  two-sided         [ ±e_tf ·   ·   ·   ·   · ]
     [  ·   ±I   ·   ·   ·   · ]  range rows        [  ·    ·  −I  −I   ·  −I ]  signs
     [  GJ   ·   ·   ·   ·  −1 ]  limits
 
@@ -50,14 +50,19 @@ class ConvexSubproblem:
     target_map: Array  # C (t, n_z)
     target_error: Array  # x_f − x_target (t,)
     target_price: Array  # ν (t,)
-    rate_rows: Array  # (n, n_z): δû at every node
-    rate: Array  # û (n,)
-    entry_rate: float | None  # û at the first node, if it is given
-    bank_map: Array  # (b, n): from the nodes to where the bank angle is bounded, the nodes first
-    bank_rows: Array  # Z_σ (b, n_z), rad
-    bank_lower: Array  # (b,)
-    bank_upper: Array  # (b,)
+    rate_rows: Array  # (n m, n_z): δû at every node, its m controls side by side
+    rate: Array  # û (n m,)
+    given_rates: tuple[
+        tuple[int, float], ...
+    ]  # (control, û at the first node) of those that are given
+    angle_map: (
+        Array  # (b, m n): from the nodes of each angle to where they are bounded, the nodes first
+    )
+    angle_rows: Array  # Z_y (b, n_z), rad
+    angle_lower: Array  # (b,)
+    angle_upper: Array  # (b,)
     final_time_column: int
+    n_nodes: int
     radius: float  # Δ
     path_rows: Array  # (m, n_z)
     path_room: Array  # 1 − g (m,)
@@ -68,10 +73,10 @@ class ConvexSubproblem:
 
     @property
     def rate_bounds(self) -> tuple[Array, Array]:
-        """Of δû at the nodes, (n,) each."""
+        """Of δû at the nodes, (n m,) each."""
         lower, upper = -1.0 - self.rate, 1.0 - self.rate
-        if self.entry_rate is not None:
-            lower[0] = upper[0] = self.entry_rate - self.rate[0]
+        for k, rate in self.given_rates:
+            lower[k] = upper[k] = rate - self.rate[k]
         return lower, upper
 
     def corrected(
@@ -96,7 +101,7 @@ class Step:
     z: Array
     slack: Array  # s, one per limit
     target_multiplier: Array  # λ (t,)
-    bank_multiplier: Array  # (b,), upper minus lower
+    angle_multiplier: Array  # (b,), upper minus lower
     path_multiplier: Array  # (m,), ≥ 0
     absolute_multiplier: Array  # κ (k,), |κ| ≤ a
     status: ConeStatus
@@ -108,15 +113,15 @@ class Step:
 
 
 def _on_z(problem: ConvexSubproblem) -> tuple[Array, Array]:
-    """Rows on z of the inequalities, and their bounds: rate, bank, δt_f, limits, absolute values."""
+    """Rows on z of the inequalities, and their bounds: rates, angles, δt_f, limits, absolute values."""
     final_time = np.zeros((2, len(problem.gradient)))
     final_time[:, problem.final_time_column] = 1.0, -1.0
     lower, upper = problem.rate_bounds
     rows = [
         problem.rate_rows,
         -problem.rate_rows,
-        problem.bank_rows,
-        -problem.bank_rows,
+        problem.angle_rows,
+        -problem.angle_rows,
         final_time,
         problem.path_rows,
         problem.absolute_rows,
@@ -125,8 +130,8 @@ def _on_z(problem: ConvexSubproblem) -> tuple[Array, Array]:
     bounds = [
         upper,
         -lower,
-        problem.bank_upper,
-        -problem.bank_lower,
+        problem.angle_upper,
+        -problem.angle_lower,
         np.full(2, problem.radius),
         problem.path_room,
         -problem.absolute_value,
@@ -163,7 +168,7 @@ def _cost(problem: ConvexSubproblem, width: int) -> tuple[Array, Array]:
 def solve_subproblem(problem: ConvexSubproblem) -> Step:
     """Solve Eq. (1) with Clarabel."""
     n_z, n, m = len(problem.gradient), len(problem.rate), len(problem.path_room)
-    b = len(problem.bank_rows)
+    b = len(problem.angle_rows)
     targets, k, limits = len(problem.target_error), len(problem.absolute_value), problem.n_limits
     rows, bounds = _on_z(problem)
     range_rows, range_bounds, exact = _on_error(problem)
@@ -181,8 +186,8 @@ def solve_subproblem(problem: ConvexSubproblem) -> Step:
     left[:targets, e:y] = np.hstack([-identity, -identity, identity])
     left[targets + np.arange(len(exact)), e + exact] = 1.0
     left[on_z:ranges, :n_z] = rows
-    bank = on_z + 2 * n
-    path = bank + 2 * b + 2
+    angles = on_z + 2 * n
+    path = angles + 2 * b + 2
     absolute = path + m
     left[path + np.arange(m), s + problem.path_kind] = -1.0
     for first in (absolute, absolute + k):
@@ -209,7 +214,7 @@ def solve_subproblem(problem: ConvexSubproblem) -> Step:
         z=x[:n_z],
         slack=np.maximum(x[s:], 0.0),
         target_multiplier=dual[:targets],
-        bank_multiplier=dual[bank : bank + b] - dual[bank + b : bank + 2 * b],
+        angle_multiplier=dual[angles : angles + b] - dual[angles + b : angles + 2 * b],
         path_multiplier=dual[path:absolute],
         absolute_multiplier=dual[absolute : absolute + k] - dual[absolute + k : ranges],
         status=solution.status,

@@ -2,13 +2,13 @@
 
 The readable form of what `solve_subproblem` writes as one matrix for Clarabel: same data, same
 `Step`, multipliers of the same sign. It is some ten times slower, and is the place to try another
-solver or one more convex constraint on z = (δu, δt_f, δσ₀):
+solver or one more convex constraint on z = (δu, δt_f, δy₀):
 
     minimise   ½ zᵀH z + gᵀz + Σ w e² + Σ ν (v⁺ + v⁻) + Σ_j a_j |c_j + L_j z| + ρ Σ_k s_k
     subject to target       C z + (x_f − x_target) = e + v⁺ − v⁻
                range        e_lo ≤ e ≤ e_hi
                rate         −1 ≤ û + δû ≤ 1
-               bank         σ_lo ≤ Z_σ z ≤ σ_hi
+               angles       y_lo ≤ Z_y z ≤ y_hi
                final_time   |δt_f| ≤ Δ
                path         GJ z ≤ 1 − g + s_k
                absolute     ±(c + L z) ≤ y
@@ -59,9 +59,9 @@ def solve_subproblem_cvxpy(
     cost += problem.target.weight @ cp.square(e) + problem.target_price @ (v_plus + v_minus)
     cost += problem.limit_penalty * cp.sum(s)
     target: Any = problem.target_map @ z + problem.target_error == e + v_plus - v_minus
-    bank = _between(problem.bank_lower, problem.bank_rows @ z, problem.bank_upper)
+    angles = _between(problem.angle_lower, problem.angle_rows @ z, problem.angle_upper)
     rate_lower, rate_upper = problem.rate_bounds
-    constraints: list[Any] = [target, *bank, v_plus >= 0.0, v_minus >= 0.0, s >= 0.0]
+    constraints: list[Any] = [target, *angles, v_plus >= 0.0, v_minus >= 0.0, s >= 0.0]
     constraints += _between(rate_lower, problem.rate_rows @ z, rate_upper)
     constraints.append(cp.abs(z[problem.final_time_column]) <= problem.radius)
     bounded = np.flatnonzero(np.isfinite(problem.target.lower))
@@ -87,7 +87,7 @@ def solve_subproblem_cvxpy(
         return _unsolved(problem, ConeStatus.NUMERICAL_ERROR)
     if z.value is None or s.value is None:
         return _unsolved(problem, ConeStatus.of_cvxpy(program.status))
-    return _step(program, z, s, target, bank, path, absolute)
+    return _step(program, z, s, target, angles, path, absolute)
 
 
 def _step(
@@ -95,7 +95,7 @@ def _step(
     z: Any,
     s: Any,
     target: Any,
-    bank: list[Any],
+    angles: list[Any],
     path: list[Any],
     absolute: list[Any],
 ) -> Step:
@@ -103,7 +103,7 @@ def _step(
         z=np.asarray(z.value),
         slack=np.maximum(s.value, 0.0),
         target_multiplier=np.asarray(target.dual_value),
-        bank_multiplier=np.asarray(bank[1].dual_value - bank[0].dual_value),
+        angle_multiplier=np.asarray(angles[1].dual_value - angles[0].dual_value),
         path_multiplier=np.asarray(path[0].dual_value) if path else np.zeros(0),
         absolute_multiplier=(
             np.asarray(absolute[0].dual_value - absolute[1].dual_value) if absolute else np.zeros(0)
@@ -121,7 +121,7 @@ def _unsolved(problem: ConvexSubproblem, status: ConeStatus) -> Step:
         z=np.full(len(problem.gradient), np.nan),
         slack=np.full(problem.n_limits, np.nan),
         target_multiplier=np.full(len(problem.target_error), np.nan),
-        bank_multiplier=np.full(len(problem.bank_rows), np.nan),
+        angle_multiplier=np.full(len(problem.angle_rows), np.nan),
         path_multiplier=np.full(len(problem.path_room), np.nan),
         absolute_multiplier=np.full(len(problem.absolute_value), np.nan),
         status=status,

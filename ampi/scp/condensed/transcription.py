@@ -50,17 +50,26 @@ class RadauTranscription:
         return np.asarray(self.node_fixed + self.node_free * np.asarray(final_time)[..., None])
 
     def residual(self, x: Array, rates: Array, final_time: Array) -> Array:
-        """R of Eq. (1), (c, n − 1, 7), of states and f (7, c, n) at all nodes."""
+        """R of Eq. (1), (c, n − 1, s), of states and f (s, c, n) at all nodes."""
         found = -(self.half_lengths(final_time) * rates[:, :, 1:]).transpose(1, 2, 0)
         states = x.transpose(1, 2, 0)
         for s in self.mesh.segments:
             found[:, s.collocation] += s.rule.derivative @ states[:, s.nodes]
         return found
 
-    def nodal_rate(self, u: Array) -> Array:
-        """Bank rate at all n nodes (c, n); the first by the first segment's own polynomial."""
-        entry = u[:, None, : len(self.entry_rate)] @ self.entry_rate[:, None]
-        return np.concatenate([entry[:, 0], u], axis=1)
+    def nodal_rate(self, u: Array, controls: int = 1) -> Array:
+        """Rates at all n nodes (c, n m) of those at the points (c, (n − 1) m), of m controls in turn.
+
+        The first by the first segment's own polynomial.
+        """
+        first = u[:, : controls * len(self.entry_rate)].reshape(len(u), -1, controls)
+        entry = first.transpose(0, 2, 1) @ self.entry_rate[:, None]
+        return np.concatenate([entry[:, :, 0], u], axis=1)
+
+
+def by_control(rate: Array, controls: int) -> Array:
+    """Rates (c, n m) with the axis of the controls first, (m, c, n)."""
+    return rate.reshape(len(rate), -1, controls).transpose(2, 0, 1)
 
 
 @lru_cache(maxsize=16)

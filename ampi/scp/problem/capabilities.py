@@ -13,16 +13,7 @@ import numpy as np
 
 from ampi.missions.mission import Mission
 from ampi.missions.path_limits import PathLimits
-from ampi.missions.sections import TARGET_WEIGHTS
-
-TERMS = (
-    "bank_rate_effort",
-    "bank_rate_variation",
-    "flight_time",
-    "heat_load",
-    "ground_range",
-    "descent_rate",
-)
+from ampi.missions.sections import TARGET_WEIGHTS, TERMS
 
 
 class MethodError(ValueError):
@@ -75,7 +66,7 @@ CONDENSED = Capabilities(
 
 OVER_TIME = Capabilities(  # the literature's methods over time
     constraints=CONDENSED.constraints - {"fixed phases", "design margins"},
-    terms=frozenset(TERMS),
+    terms=frozenset(TERMS) - {"cross_range", "final_speed", "angle_of_attack_effort"},
 )
 OVER_ENERGY = Capabilities(
     constraints=OVER_TIME.constraints | {"bank_angle_minimum"},

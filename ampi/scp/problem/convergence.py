@@ -15,7 +15,6 @@ from numpy.typing import NDArray
 from ampi.missions.final_states import HORIZONTAL_TOLERANCE
 from ampi.missions.path_limits import KEPT
 from ampi.physics.planet import great_circle_distance
-from ampi.physics.state import N_STATES
 from ampi.scp.problem.scaled_problem import OptimalControlProblem
 from ampi.trajectory import Status
 
@@ -42,13 +41,13 @@ def converged_status(
     *,
     bought_off: bool,
 ) -> Status:
-    """Status of a converged iterate; `final` is the scaled final state (7,).
+    """Status of a converged iterate; `final` is the scaled final state (s,).
 
     `bought_off` says that the elastic target still is: then the iterate does not minimise the cost.
     """
     if not np.all(excess <= settings.limit_excess):  # NaN too
         return Status.LIMITS_EXCEEDED
-    error = np.zeros(N_STATES)
+    error = np.zeros(len(final))
     error[problem.target.state] = problem.target.error(final)
     there = final - error
     miss = great_circle_distance(final[1], final[2], there[1], there[2], problem.planet_radius)

@@ -1,6 +1,6 @@
 """The objective's weights in scaled units.
 
-    J = w_u ∫ û² dt + w_t t_f + ∫ L dt + w_a ∫ |û| dt + w_D ∫ |D| dt              (1)
+    J = Σ_k w_k ∫ û_k² dt + w_t t_f + ∫ L dt + w_a ∫ |û_σ| dt + w_D ∫ |D| dt + m(x_f)     (1)
 
 and the target's cost (elastic_target). The weights are divided by `cost_scale`, the weight of a
 bank-rate effort that would be worth as much, over a flight with one sweep from bank limit to bank
@@ -27,8 +27,8 @@ class Objective:
     """Scaled weights of Eq. (1), numbers or arrays over cases; those of L are inside it."""
 
     cost_scale: Any  # J = cost_scale · scaled cost
-    reference_effort: Any  # weight of ∫ û² dt that is worth the whole objective
-    effort: Any  # w_u
+    reference_effort: tuple[Any, ...]  # weight of ∫ û_k² dt that is worth the whole objective
+    effort: tuple[Any, ...]  # w_k, one for a control
     final_time: Any  # w_t, per s
     variation: Any  # w_a
     descent: Any  # w_D, per m
@@ -36,15 +36,46 @@ class Objective:
     @classmethod
     def of(cls, numbers: ProblemNumbers) -> Objective:
         """Divide the mission's weights by the scale described above."""
-        given, rate = numbers.section("objective"), numbers.designed("bank_rate") / DEGREE
-        scale = _exchange_rate(numbers)
+        given, scale = numbers.section("objective"), _exchange_rate(numbers)
+        rates = [numbers.designed("bank_rate") / DEGREE]
+        efforts = [given("bank_rate_effort")]
+        if numbers.limits.angle_of_attack is not None:
+            rates.append(numbers.limits.angle_of_attack.rate / DEGREE)
+            efforts.append(given("angle_of_attack_effort"))
         return cls(
             cost_scale=scale,
-            reference_effort=rate**2,
-            effort=given("bank_rate_effort") / scale * rate**2,
+            reference_effort=tuple(rate**2 for rate in rates),
+            effort=tuple(e / scale * r**2 for e, r in zip(efforts, rates, strict=True)),
             final_time=given("flight_time") / scale,
-            variation=given("bank_rate_variation") / scale * rate,
+            variation=given("bank_rate_variation") / scale * rates[0],
             descent=given("descent_rate") / scale,
+        )
+
+    @property
+    def numbers(self) -> tuple[Any, ...]:
+        """All that may differ between the cases of a family."""
+        return (
+            self.cost_scale,
+            *self.reference_effort,
+            *self.effort,
+            self.final_time,
+            self.variation,
+            self.descent,
+        )
+
+    def at(self, cases: Any) -> Objective:
+        """That of some cases of a family."""
+
+        def taken(number: Any) -> Any:
+            return number[cases] if np.ndim(number) == 1 else number
+
+        return Objective(
+            cost_scale=taken(self.cost_scale),
+            reference_effort=tuple(taken(number) for number in self.reference_effort),
+            effort=tuple(taken(number) for number in self.effort),
+            final_time=taken(self.final_time),
+            variation=taken(self.variation),
+            descent=taken(self.descent),
         )
 
 
@@ -65,4 +96,10 @@ def _exchange_rate(numbers: ProblemNumbers) -> Any:
         + np.abs(given("ground_range")) * 1e-3 * distance
         + given("descent_rate") * np.abs(entry("altitude") - target("altitude"))
     )
+    if numbers.mission.objective.has_terminal:
+        others = (
+            others
+            + np.abs(given("cross_range")) * 1e-3 * distance
+            + np.abs(given("final_speed")) * entry("speed")
+        )
     return given("bank_rate_effort") + others / effort

@@ -1,9 +1,9 @@
 """The optimal control problem in scaled variables.
 
     minimise   Σ_i w_i e_i² + J(u, x, t_f)
-    subject to ẋ = f(x, u, t),  x(t_0) = x₀; the bank angle σ₀ and its rate there are free, or given,
+    subject to ẋ = f(x, u, t),  x(t_0) = x₀ but for the angles that are steered (steered_angles),
                e = x(t_f) − x_target,  e_lo ≤ e ≤ e_hi,
-               |σ| ≤ σ_max,  |u| ≤ u_max,  g(x, t) ≤ 1                          (1)
+               |σ| ≤ σ_max,  α_lo ≤ α ≤ α_up,  |u| ≤ u_max,  g(x, t) ≤ 1        (1)
 
 with J of `objective` and g of `node_functions`. A final state is free (no row), weighted (Sagliano et
 al. 2016, Eq. (1): w > 0, no bounds), met exactly (e_lo = e_hi = 0) or kept in a range. `Scaling` is the
@@ -14,7 +14,7 @@ The problem of a family has arrays over its cases, (c, …), where that of one m
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -30,8 +30,9 @@ from ampi.physics.state import ALTITUDE, CIRCULAR_STATES, LATITUDE, LONGITUDE, S
 from ampi.pseudospectral.mesh import Mesh
 from ampi.scp.problem.objective import Objective
 from ampi.scp.problem.problem_numbers import ProblemNumbers
+from ampi.scp.problem.steered_angles import SteeredAngle, steered_angles
 from ampi.tracing.dynamics import NodeDynamics, Physics, node_dynamics
-from ampi.tracing.node_functions import NodeFunctions
+from ampi.tracing.node_functions import NodeFunctions, TerminalCost
 from ampi.tracing.numbers import Numbers, at_cases, is_zero
 
 Array = NDArray[np.float64]
@@ -47,8 +48,21 @@ def by_case(value: Any) -> Array:
 class Scaling:
     """x = states · x̂, angles as they are; the bank rate is measured in its limit."""
 
-    states: tuple[float, ...] = (1e4, 1.0, 1.0, 1e3, 1.0, 1.0, 1.0)  # m, rad, m/s
+    states: tuple[float, ...] = (
+        1e4,
+        1.0,
+        1.0,
+        1e3,
+        1.0,
+        1.0,
+        1.0,
+    )  # m, rad, m/s; angles after them: 1
     final_time: float = 100.0  # s per unit of δt_f in the subproblem
+
+    def of_states(self, count: int) -> Scaling:
+        """The same for so many states."""
+        more = count - len(self.states)
+        return replace(self, states=(*self.states, *[1.0] * more)) if more > 0 else self
 
 
 @dataclass(frozen=True, eq=False)
@@ -131,6 +145,17 @@ def _over(weight: Any, scale: Any) -> Any:
     return weight if is_zero(weight) else weight / scale
 
 
+def _terminal(numbers: ProblemNumbers, cost_scale: Any) -> TerminalCost | None:
+    """m(x_f), scaled, where the objective has it."""
+    if not numbers.mission.objective.has_terminal:
+        return None
+    given, entry = numbers.section("objective"), numbers.section("entry")
+    start = (entry(name) for name in ("longitude", "latitude", "azimuth"))
+    return TerminalCost(
+        given("final_speed") / cost_scale, given("cross_range") * 1e-3 / cost_scale, *start
+    )
+
+
 def _beside(value: Any) -> Any:
     """An array over cases as a column, for arrays with an axis of rows."""
     return value[:, None] if isinstance(value, np.ndarray) and value.ndim else value
@@ -144,14 +169,11 @@ class OptimalControlProblem:
     mesh: Mesh
     scaling: Scaling
     entry: Array  # (6,)
-    entry_bank_angle: Any  # σ₀ (rad); None where it is free
-    entry_bank_rate: Any  # rad/s; None where it is free
+    angles: tuple[SteeredAngle, ...]  # the bank angle, then the angle of attack if it is one
     target: Target
     objective: Objective
     functions: NodeFunctions
     target_tolerance: Array  # (2,): altitude, speed
-    bank_limit: Any  # rad, less its margin
-    bank_rate_limit: Any  # rad/s, less its margin
     dynamics: NodeDynamics  # the traced functions, shared by all problems of this structure
     numbers: Numbers  # what goes into them
 
@@ -160,13 +182,12 @@ class OptimalControlProblem:
         cls, source: Mission | MissionFamily, scaling: Scaling | None = None
     ) -> OptimalControlProblem:
         """Scale the problem of a mission or a family."""
-        scaling = scaling or Scaling()
-        scale = np.array(scaling.states)
         numbers = ProblemNumbers.of(source)
+        scaling = (scaling or Scaling()).of_states(numbers.model.n_states)
+        scale = np.array(scaling.states)
         objective = Objective.of(numbers)
         given, target = numbers.section("objective"), numbers.section("target")
-        limits, rate = numbers.limits, numbers.designed("bank_rate")
-        bank = numbers.section("entry")("bank_angle")
+        limits, angles = numbers.limits, steered_angles(numbers)
         tolerances = [target("altitude_tolerance") / scale[0], target("speed_tolerance") / scale[3]]
         entry = source.entry_state if isinstance(source, Mission) else source.entry_states
         functions = NodeFunctions(
@@ -175,21 +196,20 @@ class OptimalControlProblem:
             heat_load=_over(given("heat_load") * 1e-6, objective.cost_scale),
             ground_range=_over(given("ground_range") * 1e-3, objective.cost_scale),
             desired_altitude_rate=given("desired_altitude_rate"),
+            terminal=_terminal(numbers, objective.cost_scale),
         )
-        physics = Physics.of(numbers.model, functions, rate)
+        rates = tuple(angle.rate_limit for angle in angles)
+        physics = Physics.of(numbers.model, functions, rates[0] if len(rates) == 1 else rates)
         return cls(
             planet_radius=numbers.model.planet.equatorial_radius,
             mesh=numbers.mission.pseudospectral_mesh,
             scaling=scaling,
             entry=entry / scale[:6],
-            entry_bank_angle=None if bank is None else on_turn_of(bank, 0.0),
-            entry_bank_rate=numbers.section("entry")("bank_rate"),
+            angles=angles,
             target=Target.of(numbers, scale, objective.cost_scale),
             objective=objective,
             functions=functions,
             target_tolerance=_columns(tolerances),
-            bank_limit=numbers.designed("bank_angle"),
-            bank_rate_limit=rate,
             dynamics=node_dynamics(physics.structure, scaling.states),
             numbers=physics.numbers,
         )
@@ -204,39 +224,45 @@ class OptimalControlProblem:
             return self
         if self._differs_in_entry_alone:
             return replace(self, entry=self.entry[cases])
-        target, objective = self.target, self.objective
+        target = self.target
         rows = ("reference", "weight", "lower", "upper")
         return replace(
             self,
             planet_radius=_taken(self.planet_radius, cases, axes=1),
             entry=_taken(self.entry, cases, axes=2),
-            entry_bank_angle=_taken(self.entry_bank_angle, cases, axes=1),
-            entry_bank_rate=_taken(self.entry_bank_rate, cases, axes=1),
+            angles=tuple(angle.at(cases) for angle in self.angles),
             target=replace(
                 target, **{name: _taken(getattr(target, name), cases, axes=2) for name in rows}
             ),
-            objective=Objective(
-                *(_taken(getattr(objective, f.name), cases, axes=1) for f in fields(objective))
-            ),
+            objective=self.objective.at(cases),
             target_tolerance=_taken(self.target_tolerance, cases, axes=2),
-            bank_limit=_taken(self.bank_limit, cases, axes=1),
-            bank_rate_limit=_taken(self.bank_rate_limit, cases, axes=1),
             numbers=at_cases(self.numbers, cases),
         )
 
     @cached_property
     def _differs_in_entry_alone(self) -> bool:
         parts = (self.target.reference, self.target.weight, self.target.upper)
-        numbers = [getattr(self.objective, f.name) for f in fields(self.objective)]
-        numbers += [self.planet_radius, self.entry_bank_angle, self.entry_bank_rate]
-        numbers += [self.bank_limit, self.bank_rate_limit, *self.numbers]
+        numbers = [*self.objective.numbers]
+        numbers += [self.planet_radius, *self.numbers]
+        numbers += [number for angle in self.angles for number in angle.numbers]
         arrays = any(isinstance(number, np.ndarray) for number in numbers)
         return not (arrays or any(p.ndim > 1 for p in (*parts, self.target_tolerance)))
 
     @property
-    def entry_rate(self) -> Any:
-        """û at the first node, None where it is free."""
-        return None if self.entry_bank_rate is None else self.entry_bank_rate / self.bank_rate_limit
+    def n_states(self) -> int:
+        """Seven, or eight."""
+        return len(self.scaling.states)
+
+    @property
+    def n_controls(self) -> int:
+        """One, or two."""
+        return len(self.angles)
+
+    @cached_property
+    def given_rates(self) -> tuple[tuple[int, Any], ...]:
+        """(control, û at the first node) of those that are given."""
+        rates = ((k, angle.scaled_entry_rate) for k, angle in enumerate(self.angles))
+        return tuple((k, rate) for k, rate in rates if rate is not None)
 
     @cached_property
     def n_limits(self) -> int:
@@ -256,5 +282,6 @@ class OptimalControlProblem:
 
     def reference_cost(self, final_time: float) -> float:
         """Effort of one linear sweep from −σ_max to σ_max over the flight, at its reference weight."""
-        rate = 2.0 * self.bank_limit / (self.bank_rate_limit * final_time)
-        return float(self.objective.reference_effort * rate**2 * final_time)
+        bank = self.angles[0]
+        rate = 2.0 * bank.upper / (bank.rate_limit * final_time)
+        return float(self.objective.reference_effort[0] * rate**2 * final_time)
