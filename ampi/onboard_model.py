@@ -67,6 +67,11 @@ def flight_model_of(mission: Mission) -> FlightModelData:
         raise ValueError(
             "mission: expected a schedule of the angle of attack on board, got a control"
         )
+    if vehicle.heat_flux_angle_coefficients is not None:
+        raise ValueError(
+            "vehicle.heat_flux_angle_coefficients: expected none on board, where the heat flux does not "
+            "depend on the angle of attack; a constant factor belongs into heat_flux_constant"
+        )
     q, heat_flux, load = limits.loads
     return FlightModelData(
         equatorial_radius=planet.equatorial_radius,
@@ -206,7 +211,7 @@ def certifier_of(mission: Mission, segments: Segments) -> Certifier:
         flight_numbers_of(mission),
         Thresholds(horizontal=target.position_tolerance, altitude=target.altitude_tolerance),
         segments,
-        position_is_free=target.position == "free",
+        position_is_free=target.place_is_free,
     )
 
 
@@ -228,7 +233,7 @@ def correction_of(
         If the model on board cannot express the mission, or its target's position is free.
     """
     target, limits = mission.target, mission.limits
-    if target.position == "free":
+    if target.place_is_free:
         raise ValueError(
             "target.position: expected fixed, there is nothing to correct towards, got free"
         )

@@ -144,7 +144,7 @@ def feasibility(
         mission.name, reach, nominal.status, sentence, use, _binding(mission, use), None, None, None
     )
     if not nominal.status.ok and nominal.status is not Status.INACCURATE:
-        nearest = _nearest(mission) if mission.target.position == "fixed" else np.nan
+        nearest = _nearest(mission) if not mission.target.place_is_free else np.nan
         return replace(found, reach=replace(reach, nearest=nearest))
     found = replace(found, mesh=_mesh(mission, nominal))
     advance(1)
@@ -165,7 +165,7 @@ def _plant(mission: Mission, n: int) -> Plant:
 def _reach(mission: Mission) -> Reach:
     least, greatest = ranges(_plant(mission, 1), NUMPY)
     distance, target = np.nan, mission.target
-    if target.position == "fixed":
+    if not target.place_is_free:
         entry, radius = mission.entry, mission.flight_model.planet.equatorial_radius
         ends = (entry.longitude, entry.latitude, target.longitude, target.latitude)
         distance = float(great_circle_distance(*ends, radius))

@@ -3,14 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
 
 from ampi.missions import units as u
 from ampi.missions.flight_sections import EntrySection, TargetSection
 from ampi.missions.sections import MissionSections
+from ampi.missions.target_agreement import (
+    final_angles_can_be_flown,
+    final_states_are_told_once,
+    objective_has_its_freedom,
+)
 from ampi.physics.angles import on_turn_of
 from ampi.physics.path_constraints import no_fly_zone, path_constraints
 from ampi.physics.planet import great_circle_distance
-from ampi.physics.state import ANGLE_OF_ATTACK, LOADS
+from ampi.physics.state import LOADS
 
 LATE = 1e4  # s: after any angle-of-attack manoeuvre
 
@@ -26,12 +34,15 @@ def disagreements(mission: MissionSections) -> list[str]:
         ("atmosphere entry", _air_reaches_the_entry),
         ("mesh", _mesh_stands),
         ("entry target", _flight_slows_down),
-        ("planet atmosphere vehicle limits entry", _entry_keeps_limits),
-        ("planet atmosphere vehicle limits target", _target_keeps_limits),
+        ("planet atmosphere vehicle angle_of_attack limits entry", _entry_keeps_limits),
+        ("planet atmosphere vehicle angle_of_attack limits target", _target_keeps_limits),
         ("planet limits entry target no_fly_zone", _zones_are_clear),
         ("vehicle limits", _lift_keeps_its_sign),
         ("limits guess", _guess_keeps_its_limit),
         ("limits entry", _entry_turns_within_its_limits),
+        ("target objective", final_states_are_told_once),
+        ("target objective angle_of_attack", objective_has_its_freedom),
+        ("target limits angle_of_attack", final_angles_can_be_flown),
     ):
         if not all(hasattr(mission, name) for name in sections.split()):
             continue
@@ -138,31 +149,39 @@ def _flight_slows_down(mission: MissionSections) -> Iterator[str]:
 
 
 def _entry_keeps_limits(mission: MissionSections) -> Iterator[str]:
-    state = [*mission.entry_state, 0.0, *_gentlest_angle(mission, mission.entry.angle_of_attack)]
+    if not _has_an_angle(mission):
+        return
+    state = [*mission.entry_state, 0.0, *_angles_allowed(mission, mission.entry.angle_of_attack)]
     yield from _limits_exceeded_at(mission, "entry", state, 0.0)
 
 
-def _gentlest_angle(mission: MissionSections, given: float | None = None) -> list[float]:
-    """Where it is a control, the angle of attack `given`, else that of those allowed nearest to zero."""
-    control = getattr(mission, "angle_of_attack", None)
+def _has_an_angle(mission: MissionSections) -> bool:
+    return mission.vehicle.angle_of_attack is not None or mission.angle_of_attack is not None
+
+
+def _angles_allowed(mission: MissionSections, given: float | None = None) -> list[Any]:
+    """Where it is a control, the angle of attack `given`, else many of those allowed, zero if it is."""
+    control = mission.angle_of_attack
     if control is None or mission.vehicle.angle_of_attack is not None:
         return []
-    nearest = min(max(0.0, min(control.lower)), max(control.upper))
-    return [nearest if given is None else given]
+    if given is not None:
+        return [given]
+    low, high = min(control.lower), max(control.upper)
+    return [np.append(np.linspace(low, high, 91), min(max(0.0, low), high))]
 
 
 def _target_keeps_limits(mission: MissionSections) -> Iterator[str]:
     limits, target, model = mission.limits, mission.target, mission.flight_model
-    at_target = [target.altitude, 0.0, 0.0, target.speed, 0.0, 0.0, 0.0, *_gentlest_angle(mission)]
+    if {"altitude", "speed"} & set(target.free_states) or not _has_an_angle(mission):
+        return
+    at_target = [target.altitude, 0.0, 0.0, target.speed, 0.0, 0.0, 0.0, *_angles_allowed(mission)]
     yield from _limits_exceeded_at(mission, "target", at_target, LATE)
     floor, below = limits.drag_floor, limits.drag_floor_speed
     if floor is None or below is None or target.speed > below:
         return
-    if mission.angle_of_attack is not None:
-        at_target[ANGLE_OF_ATTACK] = max(mission.angle_of_attack.upper)
     air = model.air_loads(at_target, LATE)
     drag, unit = (
-        float(air.drag) / model.planet.load_factor_gravity,
+        float(np.max(air.drag)) / model.planet.load_factor_gravity,
         model.planet.load_factor_unit,
     )
     margin = limits.drag_floor_margin
@@ -175,11 +194,11 @@ def _target_keeps_limits(mission: MissionSections) -> Iterator[str]:
 
 
 def _limits_exceeded_at(
-    mission: MissionSections, place: str, state: list[float], time: float
+    mission: MissionSections, place: str, state: list[Any], time: float
 ) -> Iterator[str]:
     model = mission.flight_model
     printed = (("kPa", 1e-3), ("MW/m²", 1e-6), (model.planet.load_factor_unit, 1.0))
-    values = path_constraints(model, state, time)
+    values = map(np.min, path_constraints(model, state, time))
     for name, (unit, per_si), value in zip(LOADS, printed, values, strict=True):
         if not value <= mission.limits.designed(name):  # NaN too
             margin, limit = getattr(mission.limits, f"{name}_margin"), getattr(mission.limits, name)
@@ -193,7 +212,7 @@ def _limits_exceeded_at(
 def _zones_are_clear(mission: MissionSections) -> Iterator[str]:
     sphere = mission.planet.build().equatorial_radius
     ends: list[tuple[str, EntrySection | TargetSection]] = [("entry", mission.entry)]
-    if mission.target.position == "fixed":
+    if not mission.target.place_is_free:
         ends.append(("target", mission.target))
     for number, zone in enumerate(mission.no_fly_zone, start=1):
         for place, end in ends:

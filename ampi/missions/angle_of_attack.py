@@ -26,7 +26,7 @@ from ampi.missions.units import Dimension, Number, Section
 from ampi.physics.equations_of_motion import FlightModel
 from ampi.physics.state import ALTITUDE, ANGLE_OF_ATTACK, SPEED
 
-Angles = Annotated[tuple[float, ...], Dimension("angle")]
+Angles = Annotated[tuple[float, ...], Dimension("angle", is_list=True)]
 
 
 class AngleOfAttackControlSection(Section):

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, get_args
 
 import numpy as np
 from pydantic import Field, field_validator, model_validator
 
 from ampi.missions import units as u
 from ampi.missions.units import Section
-from ampi.physics.angles import TURN
+from ampi.physics.angles import TURN, on_turn_of
 
 
 class EntrySection(Section):
@@ -53,13 +53,27 @@ class EntrySection(Section):
     )
 
 
+GivenState = Literal["altitude", "longitude", "latitude", "speed"]
+GIVEN_STATES: tuple[GivenState, ...] = get_args(GivenState)  # of a target; the others may be absent
+RANGES = (
+    *(f"{name}_range" for name in GIVEN_STATES),
+    "flight_path_angle",
+    "azimuth",
+    "bank_angle",
+    "angle_of_attack",
+)
+
+
 class TargetSection(Section):
     """Where guided flight ends. Tolerances and radii serve the verdict, not the optimiser.
 
     A flight has passed where it ended within all three tolerances; `radii` are those within which
-    flights are counted, by default a quarter, a half, once and twice the position tolerance. A final
-    angle is one number or a range [least, greatest]; absent, it is free. With `position = "free"`
-    longitude and latitude only serve the reports (maximum range), and no distance is judged.
+    flights are counted, by default a quarter, a half, once and twice the position tolerance.
+
+    Altitude, longitude, latitude and speed are given; each is held, unless it is one of `free`, or its
+    range [least, greatest] is given: then the number serves reports, guidance and verdict alone.
+    `position = "free"` frees longitude and latitude; where one of them is free no distance is judged.
+    Of the other states each is one number or a range; absent, it is free.
     """
 
     altitude: u.Length = Field(ge=0, le=120e3, description="Height over the planet's surface")
@@ -86,11 +100,35 @@ class TargetSection(Section):
         default="fixed",
         description="fixed, or free: longitude and latitude then only serve the reports",
     )
+    free: tuple[GivenState, ...] = Field(
+        default=(),
+        description="Of altitude, longitude, latitude and speed, those that an optimum may end at as it "
+        "likes",
+    )
+    altitude_range: u.LengthRange | None = Field(
+        default=None, description="[least, greatest] that an optimum may end at, about `altitude`"
+    )
+    longitude_range: u.CircularRange | None = Field(
+        default=None, description="[least, greatest] that an optimum may end at, about `longitude`"
+    )
+    latitude_range: u.AngleRange | None = Field(
+        default=None, description="[least, greatest] that an optimum may end at, about `latitude`"
+    )
+    speed_range: u.SpeedRange | None = Field(
+        default=None, description="[least, greatest] that an optimum may end at, about `speed`"
+    )
     flight_path_angle: u.AngleRange | None = Field(
         default=None, description="A number or [least, greatest]; free unless given"
     )
     azimuth: u.CircularRange | None = Field(
         default=None, description="A number or [least, greatest]; free unless given"
+    )
+    bank_angle: u.CircularRange | None = Field(
+        default=None, description="A number or [least, greatest]; free unless given"
+    )
+    angle_of_attack: u.AngleRange | None = Field(
+        default=None,
+        description="A number or [least, greatest], where it is a control; free unless given",
     )
 
     @field_validator("radii")
@@ -107,12 +145,30 @@ class TargetSection(Section):
             return self.radii
         return tuple(share * self.position_tolerance for share in (0.25, 0.5, 1.0, 2.0))
 
-    @field_validator("flight_path_angle", "azimuth", mode="before")
+    @property
+    def free_states(self) -> tuple[str, ...]:
+        """Those of the given states that are free."""
+        place = ("longitude", "latitude") if self.position == "free" else ()
+        return tuple(name for name in GIVEN_STATES if name in (*place, *self.free))
+
+    @property
+    def place_is_free(self) -> bool:
+        """Whether no distance is judged: longitude or latitude are free."""
+        return bool({"longitude", "latitude"} & set(self.free_states))
+
+    def held_by(self, state: str) -> str | None:
+        """The field that an optimum ends at, a number or a range; None: the state is free."""
+        if state in self.free_states or getattr(self, state) is None:
+            return None
+        ranged = state in GIVEN_STATES and getattr(self, f"{state}_range") is not None
+        return f"{state}_range" if ranged else state
+
+    @field_validator(*RANGES, mode="before")
     @classmethod
     def _number_is_a_range(cls, value: Any) -> Any:
         return (value, value) if isinstance(value, float) else value
 
-    @field_validator("azimuth")
+    @field_validator("azimuth", "bank_angle", "longitude_range")
     @classmethod
     def _range_crosses_south(cls, value: tuple[float, float] | None) -> tuple[float, float] | None:
         """[170°, −170°] is [170°, 190°]."""
@@ -120,12 +176,31 @@ class TargetSection(Section):
             return value[0], value[1] + TURN
         return value
 
-    @field_validator("flight_path_angle", "azimuth")
+    @field_validator(*RANGES)
     @classmethod
     def _range_increases(cls, value: tuple[float, float] | None) -> tuple[float, float] | None:
         if value is not None and value[1] < value[0]:
             raise ValueError("expected a number or [least, greatest]")
         return value
+
+    @model_validator(mode="after")
+    def _each_state_is_told_once(self) -> TargetSection:
+        found = []
+        if len(set(self.free)) < len(self.free):
+            found.append(f"free: expected each state once, got {', '.join(self.free)}")
+        for name in GIVEN_STATES:
+            span, number = getattr(self, f"{name}_range"), getattr(self, name)
+            if span is None:
+                continue
+            if name in self.free_states:
+                found.append(f"{name}_range: expected none, for {name} is free; remove one of them")
+            middle = 0.5 * (span[0] + span[1])
+            about = on_turn_of(number, middle) if name == "longitude" else number
+            if not span[0] <= about <= span[1]:
+                found.append(f"{name}: expected a number in {name}_range, got one outside")
+        if found:
+            raise ValueError("\n".join(found))
+        return self
 
 
 Margin = Annotated[float, Field(strict=True, ge=0, lt=1)]
@@ -134,8 +209,8 @@ Margin = Annotated[float, Field(strict=True, ge=0, lt=1)]
 class LimitsSection(Section):
     """Bank angle, rate and acceleration (±), the three path constraints of Eq. (4), a drag floor.
 
-    A change of the angle of attack (±, on the schedule's) and its rate (±) are what guidance may use
-    beside the bank angle; absent, it flies by bank alone. No optimum uses them.
+    A change of the angle of attack (±, on the reference's), its rate and its acceleration (±) are what
+    guidance may use beside the bank angle; absent, it flies by bank alone. No optimum uses them.
 
     Load factor and drag floor are counted in the planet's g₀ (`PlanetSection`).
 
@@ -155,10 +230,13 @@ class LimitsSection(Section):
         default=None,
         gt=0,
         lt=0.5 * np.pi,
-        description="±, on the schedule, that guidance may use; none: it flies by bank alone",
+        description="±, on the reference, that guidance may use; none: it flies by bank alone",
     )
     angle_of_attack_rate: u.AngularRate | None = Field(
         default=None, gt=0, description="±, of that change"
+    )
+    angle_of_attack_acceleration: u.AngularAcceleration = Field(
+        default=4.0 * u.DEGREE, gt=0, description="±, of that change's rate"
     )
     dynamic_pressure: u.Pressure = Field(gt=0, description="Greatest dynamic pressure")
     heat_flux: u.HeatFlux = Field(gt=0, description="Greatest heat flux")

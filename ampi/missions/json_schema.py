@@ -88,8 +88,10 @@ def _in_unit(schema: Schema, factor: float, dimension: Dimension) -> Schema:
     for key in (*_BOUNDS, "default"):
         if key in found:
             found[key] = float(f"{found[key] / factor:.15g}")
-    if dimension.is_range:
+    if dimension.is_range or dimension.is_list:
         ends = {"type": "array", "items": {"type": "number"}, "minItems": 2, "maxItems": 2}
+        if dimension.is_list:
+            ends = _AXIS
         told = {"description": schema["description"]} if "description" in schema else {}
         return {**told, "anyOf": [{"type": "number"}, ends]}
     return found

@@ -263,6 +263,11 @@ class VehicleSection(Section):
     heat_flux_speed_exponent: Number = Field(
         default=3.0, ge=1, le=4, description="n of the heat flux k √ρ Vⁿ"
     )
+    heat_flux_angle_coefficients: tuple[Number, ...] | None = Field(
+        default=None,
+        min_length=1,
+        description="Of α⁰, α¹, … (α in degrees) in a polynomial on the heat flux; 1 unless given",
+    )
     load_factor: Literal["normal", "total"] = Field(
         default="normal", description="normal: L cos α + D sin α; total: √(L² + D²)"
     )
@@ -283,6 +288,7 @@ class VehicleSection(Section):
             reference_area=self.reference_area,
             heat_flux_constant=self.heat_flux_constant,
             heat_flux_speed_exponent=self.heat_flux_speed_exponent,
+            heat_flux_angle_coefficients=self.heat_flux_angle_coefficients,
             load_factor=self.load_factor,
             lift_factor=self.lift_factor,
             drag_factor=self.drag_factor,

@@ -53,12 +53,14 @@ USUAL = {  # what a mission is written in; of the others the SI unit
 class Dimension:
     """Marks a field as a physical quantity; one number may stand for a range [least, greatest].
 
-    A circular angle is the same modulo a turn: longitude, azimuth, bank angle; latitude is not.
+    A circular angle is the same modulo a turn: longitude, azimuth, bank angle; latitude is not. One
+    number may also stand for a list whose numbers are all the same.
     """
 
     name: str
     is_range: bool = False
     is_circular: bool = False
+    is_list: bool = False  # that one number may stand for
 
 
 Length = Annotated[float, Dimension("length")]
@@ -76,6 +78,8 @@ LoadFactor = Annotated[float, Dimension("load factor")]
 PerAngleSquared = Annotated[float, Dimension("inverse angle squared")]
 PerLengthSquared = Annotated[float, Dimension("inverse length squared")]
 PerSpeedSquared = Annotated[float, Dimension("inverse speed squared")]
+LengthRange = Annotated[tuple[float, float], Dimension("length", is_range=True)]
+SpeedRange = Annotated[tuple[float, float], Dimension("speed", is_range=True)]
 AngleRange = Annotated[tuple[float, float], Dimension("angle", is_range=True)]
 CircularRange = Annotated[tuple[float, float], Dimension("angle", is_range=True, is_circular=True)]
 Lengths = Annotated[tuple[float, ...], Dimension("length")]
@@ -213,7 +217,9 @@ class Section(BaseModel):
                 continue  # not where −0 stands for 0
             if dimension is not None:
                 ends = set(map(repr, value)) if isinstance(value, tuple) else ()
-                if dimension.is_range and len(ends) == 1:
+                if len(ends) == 1 and (
+                    dimension.is_range or (dimension.is_list and len(value) == 1)
+                ):
                     value = value[0]
                 unit, value = in_units(dimension.name, value)
                 name = f"{name}_{unit}"

@@ -2,9 +2,9 @@
 
     q = ½ ρ V²,   Q̇ = k_q √ρ V^n,   n_z = |L cos α + D sin α| / g₀              (4)
 
-with n = 3 there; the exponent (3.15 in other papers) belongs to the vehicle, and so does the choice
-of the load factor: the normal one above, or the total n = √(L² + D²) / g₀ of Liu 2015, Eq. (11). V is
-the speed through the air.
+with n = 3 there; the exponent (3.15 in other papers) belongs to the vehicle, and so do a polynomial in
+α that may multiply the heat flux (Betts 2010, Section 6.1) and the choice of the load factor: the normal
+one above, or the total n = √(L² + D²) / g₀ of Liu 2015, Eq. (11). V is the speed through the air.
 
 A no-fly zone is a circle on the sphere, at any latitude and across any meridian, 1 on its edge:
 
@@ -40,6 +40,10 @@ def path_constraints(
         * np.sqrt(air.density)
         * air.speed**model.vehicle.heat_flux_speed_exponent
     )
+    coefficients = model.vehicle.heat_flux_angle_coefficients
+    if coefficients is not None:
+        degrees = air.angle_of_attack * (180.0 / np.pi)
+        heat_flux = heat_flux * sum(c * degrees**k for k, c in enumerate(coefficients))
     if model.vehicle.load_factor == "total":
         total = np.sqrt(air.lift * air.lift + air.drag * air.drag)
         return pressure, heat_flux, total / model.planet.load_factor_gravity

@@ -73,6 +73,7 @@ class Vehicle:
     angle_of_attack: AngleOfAttackSchedule | None  # None: it is a state, steered by its rate
     heat_flux_constant: float  # k_q; W/m² per (kg/m³)^½ (m/s)^exponent
     heat_flux_speed_exponent: float = 3.0
+    heat_flux_angle_coefficients: tuple[float, ...] | None = None  # of α⁰, α¹, … (degrees), on it
     load_factor: str = "normal"  # what the load factor measures; or "total"
     lift_factor: float = 1.0  # on the lift coefficient of `aerodynamics`
     drag_factor: float = 1.0  # on its drag coefficient

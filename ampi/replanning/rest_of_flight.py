@@ -75,7 +75,7 @@ def hardness(mission: Mission, state: Array, time: float) -> ReplanOutcome | Non
     if state[SPEED] <= target.speed:
         return ReplanOutcome.AT_THE_END
     goal = bearing(state[LONGITUDE], state[LATITUDE], target.longitude, target.latitude)
-    if target.position != "free" and abs(wrapped(state[AZIMUTH] - goal)) > 0.5 * np.pi:
+    if not target.place_is_free and abs(wrapped(state[AZIMUTH] - goal)) > 0.5 * np.pi:
         return ReplanOutcome.TARGET_BEHIND
     return None
 

@@ -156,7 +156,7 @@ def flown_miss(family: MissionFamily[Mission], bank: Array, final_time: Array) -
         halves = np.array_split(np.arange(len(bank)), 2)  # one of them stops all
         return np.concatenate([flown_miss(family.take(h), bank[h], final_time[h]) for h in halves])
     latitude = family.target("latitude")
-    radius = model.planet.equatorial_radius * (mission.target.position == "fixed")
+    radius = model.planet.equatorial_radius * (not mission.target.place_is_free)
     east = radius * np.cos(latitude) * wrapped(end[:, LONGITUDE] - family.target("longitude"))
     north = radius * (end[:, LATITUDE] - latitude)
     miss = np.stack([east, north, end[:, ALTITUDE] - family.target("altitude")], axis=1)

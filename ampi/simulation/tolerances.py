@@ -27,7 +27,7 @@ class Tolerances:
     @classmethod
     def of(cls, target: TargetSection) -> Tolerances:
         """Those of a mission."""
-        position = target.position_tolerance if target.position == "fixed" else np.inf
+        position = target.position_tolerance if not target.place_is_free else np.inf
         return cls(position, target.altitude_tolerance, target.speed_tolerance)
 
     def faults(

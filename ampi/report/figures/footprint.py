@@ -52,7 +52,7 @@ def campaign_footprint(mission: Mission, campaigns: Mapping[str, Flights]) -> Fi
     shown = back_to_front(campaigns)
     ellipses = {name: e for name, f in shown.items() if (e := footprint_ellipse(f)) is not None}
     spans = {name: span(ellipse) for name, ellipse in ellipses.items()}
-    radii = circles(mission) if mission.target.position == "fixed" else ()
+    radii = circles(mission) if not mission.target.place_is_free else ()
     scales = {}
     if radii:
         label = "Circles of Table 5" if is_of_the_paper(mission) else "Radii of the mission"
@@ -74,7 +74,7 @@ def campaign_footprint(mission: Mission, campaigns: Mapping[str, Flights]) -> Fi
         axes.set_title("\n".join(lines), parse_math=False)
     keys = [marker_key(name, style_of(f).marker, style_of(f).colour) for name, f in shown.items()]
     keys.append(marker_key("target", "*", TARGET_COLOUR))
-    if mission.target.position == "fixed":
+    if not mission.target.place_is_free:
         reach = mission.target.position_tolerance * KILO
         keys.append(line_key(f"tolerance, {reach:g} km", LIMIT_COLOUR, dashed=True, width=1.2))
     place_legend(figure, keys)
@@ -100,7 +100,7 @@ def campaign_histograms(mission: Mission, campaigns: Mapping[str, Flights]) -> F
     _draw_histogram(miss, shown, {k: f.miss[f.reached] * KILO for k, f in shown.items()})
     miss.set_xlabel("Range to go (km)")
     keys = [_outline_key(name, f) for name, f in shown.items()]
-    if target.position == "fixed":
+    if not target.place_is_free:
         paper = is_of_the_paper(mission)
         radii = PAPER_RADII if paper else target.judged_radii
         for radius in radii:

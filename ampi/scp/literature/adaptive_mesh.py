@@ -32,12 +32,14 @@ class LocalErrorAdaptation:
 
     insert_above: float = 1e-2  # ε₊
     remove_below: float = 1e-3  # ε₋
-    units: tuple[float, ...] = ()  # SI or rad per unit of the error norm, per state
+    units: tuple[
+        float, ...
+    ] = ()  # SI or rad per unit of the error norm, per state that there may be
     most_nodes: int = 400  # cap: above it the worst intervals alone are cut
 
     def __call__(self, formulation: Formulation, at: MeshIterate) -> MeshIterate:
         """The iterate on its adapted mesh, remapped by linear interpolation (Step 6)."""
-        error = local_errors(formulation, at, np.array(self.units))
+        error = local_errors(formulation, at, np.array(self.units[: formulation.n_states]))
         fractions = node_fractions(at)
         keep = np.ones(len(fractions), dtype=bool)
         keep[1:-1] = ~_every_second(error[:-1] < self.remove_below)

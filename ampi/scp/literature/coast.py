@@ -3,7 +3,7 @@
 Zhou 2021, Section 4.1: the initial descent is integrated with zero bank angle until the flight-path
 angle is zero; planning begins there. Over energy (Liu 2015) the equations are singular where there is
 no drag: the flight down to a sensible drag is integrated at a constant bank angle, which has nothing
-to act on there.
+to act on there. An angle of attack that is a control keeps its first value.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from ampi.missions.angle_of_attack import AngleBounds
 from ampi.missions.mission import Mission
 from ampi.physics.equations_of_motion import equations_of_motion
 from ampi.physics.state import ALTITUDE, BANK, FLIGHT_PATH_ANGLE, SPEED
@@ -33,10 +34,10 @@ JUMP = 0.01  # s, in which the bank angle may change at the handover
 
 @dataclass(frozen=True, eq=False)
 class Coast:
-    """Flight at a constant bank angle from the entry interface; the last node is the handover."""
+    """Flight at constant angles from the entry interface; the last node is the handover."""
 
     times: Array  # (k,), s
-    states: Array  # (7, k), SI, rad
+    states: Array  # (7 or 8, k), SI, rad
 
     @property
     def handover(self) -> Array:
@@ -47,13 +48,24 @@ class Coast:
         """The whole entry: this coast, then `flight`; between nodes on straight lines."""
         times = np.concatenate([self.times[:-1], self.times[-1] + flight.times])
         states = np.hstack([self.states[:, :-1], flight.states])
+        bank_rate, *others = (np.gradient(angle, times) for angle in states[BANK:])
         return replace(
             flight,
             mesh=line_mesh(times / times[-1]),
             states=states,
-            bank_rate=np.gradient(states[BANK], times),
+            bank_rate=bank_rate,
             final_time=float(times[-1]),
+            angle_of_attack_rate=others[0] if others else None,
         )
+
+
+def middle_angle(mission: Mission, state: Array) -> list[float]:
+    """Of the bounds of the angle of attack (rad) at a state; of a schedule there is none."""
+    bounds = AngleBounds.of(mission.angle_of_attack)
+    if bounds is None:
+        return []
+    low, high = bounds.at_state(mission.flight_model, state)
+    return [0.5 * float(low + high)]
 
 
 def until_level(mission: Mission) -> Coast | None:
@@ -76,6 +88,8 @@ def until_drag(mission: Mission, drag: float, bank_angle: float) -> Coast | None
 def _fly(mission: Mission, bank_angle: float, reached: Event) -> Coast | None:
     model = mission.flight_model
     start = np.append(mission.entry_state, bank_angle)
+    given = mission.entry.angle_of_attack
+    start = np.append(start, middle_angle(mission, start) if given is None else given)
     if reached(0.0, start) >= 0.0:
         return Coast(np.zeros(1), start[:, None])
 

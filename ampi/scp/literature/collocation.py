@@ -23,6 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
 
+from ampi.pseudospectral.lagrange import barycentric_weights, interpolation_matrix
 from ampi.pseudospectral.mesh import Mesh, Phase
 
 Array = NDArray[np.float64]
@@ -39,6 +40,9 @@ class Collocation:
     half_free: Array  # β (m,)
     weight_fixed: Array  # ω (n,)
     weight_free: Array  # ω' (n,)
+    first_control: (
+        Array  # (k, n): rows that all give the control at the first node, from the nodal ones
+    )
 
     @property
     def n_nodes(self) -> int:
@@ -78,6 +82,7 @@ def trapezoid(mesh: Mesh) -> Collocation:
         half_free=0.5 * step_free,
         weight_fixed=_trapezoid_weights(step_fixed),
         weight_free=_trapezoid_weights(step_free),
+        first_control=np.eye(1, n),
     )
 
 
@@ -88,12 +93,26 @@ def _trapezoid_weights(steps: Array) -> Array:
     return weights
 
 
+def _first_control(mesh: Mesh) -> Array:
+    """The first node's own control, and that of the first segment's collocation points."""
+    first = mesh.segments[0]
+    points = first.rule.nodes[1:]
+    rows = np.eye(2, mesh.n_nodes)
+    rows[1] = 0.0
+    rows[1, 1 : first.nodes.stop] = interpolation_matrix(
+        points, barycentric_weights(points), np.array([-1.0])
+    )
+    return rows
+
+
 def radau(mesh: Mesh) -> Collocation:
     """Flipped Radau collocation on the segments of `mesh`.
 
     Every row is multiplied by its quadrature weight: entries of D̄ grow like N², and at 200 nodes
     Clarabel fails on the rows as they stand. The integral form x_i − x_0 = h D₁⁻¹ f (Garg et al.
     2011) is as well scaled, but its denser matrix takes twice the time.
+
+    The control at the first node, which is not collocated, is what its neighbours' polynomial says.
     """
     n = mesh.n_nodes
     left = sparse.lil_array((n - 1, n))
@@ -114,4 +133,5 @@ def radau(mesh: Mesh) -> Collocation:
         half_free=half[1],
         weight_fixed=weight[0],
         weight_free=weight[1],
+        first_control=_first_control(mesh),
     )

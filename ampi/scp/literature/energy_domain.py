@@ -122,6 +122,11 @@ class EnergyDomain:
         return np.asarray(self.coast.handover[list(STATE_OF)] / self.state_scale)
 
     @property
+    def entry_controls(self) -> Array:
+        """All free."""
+        return np.full(self.n_controls, np.nan)
+
+    @property
     def target(self) -> tuple[FinalState, ...]:
         """Final states, Liu Eq. (8) and its ranges; the final energy holds the speed."""
         held = (one for one in final_states(self.mission) if one.state != SPEED)
@@ -260,6 +265,10 @@ class EnergyDomain:
         rate = self.energy_unit / drag * radius / (radius + altitude)
         steps = 0.5 * np.diff(s) * (rate[1:] + rate[:-1])
         return np.concatenate([[0.0], np.cumsum(steps)])
+
+    def terminal(self, x: Array) -> tuple[float, Array]:
+        """None is known over energy."""
+        return 0.0, np.zeros(len(x))
 
     def rates(self, x: Array, u: Array, s: Array) -> Array:
         """See `Formulation`."""

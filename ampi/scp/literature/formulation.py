@@ -1,10 +1,11 @@
 """A formulation: one way to write the entry problem as an optimal control problem.
 
-Two are in use: over time with the bank rate as control (`time_domain`: Zhou 2021, Wang 2020, Liu 2024)
-and over energy with cos σ and sin σ as controls (`energy_domain`: Liu 2015). A formulation names its
-states and controls, traces its functions once,
+Two are in use: over time with the rates of the bank angle and, where it is steered, of the angle of
+attack as controls (`time_domain`: Zhou 2021, Wang 2020, Liu 2024), and over energy with cos σ and sin σ
+(`energy_domain`: Liu 2015). A formulation names its states and controls, traces its functions once,
 
-    x' = f(x, u, s),   g(x, s) ≤ 1,   J = Σ_k c_k ∫ l_k(x, u, s) ds (or ∫ |l_k|) + c_s s_f,   (1)
+    x' = f(x, u, s),   g(x, s) ≤ 1,
+    J = Σ_k c_k ∫ l_k(x, u, s) ds (or ∫ |l_k|) + c_s s_f + m(x_f),                             (1)
 
 and says how a trajectory is read from its solution. All arrays are in scaled units, node-major.
 """
@@ -90,6 +91,11 @@ class Formulation(Protocol):
         ...
 
     @property
+    def entry_controls(self) -> Array:
+        """u at the first node (n_u,), NaN where free."""
+        ...
+
+    @property
     def target(self) -> tuple[FinalState, ...]:
         """Final states that are held."""
         ...
@@ -137,6 +143,10 @@ class Formulation(Protocol):
         """∂²(w·l + μ·f)/∂x_k² at the nodes with μ (n, n_x), w (n, terms): (n, n_x)."""
         ...
 
+    def terminal(self, x: Array) -> tuple[float, Array]:
+        """Value of m and its gradient at a final state (n_x,)."""
+        ...
+
     def rates(self, x: Array, u: Array, s: Array) -> Array:
         """f alone, at any points: (n, n_x)."""
         ...
@@ -154,16 +164,21 @@ Expressions = tuple[list[Any], list[Any], list[Any]]
 
 
 class TracedFunctions:
-    """f, g, l and their derivatives, traced by CasADi from plain numpy expressions."""
+    """f, g, l, m and their derivatives, traced by CasADi from plain numpy expressions."""
 
     def __init__(
-        self, n_states: int, n_controls: int, build: Callable[[Any, Any, Any], Expressions]
+        self,
+        n_states: int,
+        n_controls: int,
+        build: Callable[[Any, Any, Any], Expressions],
+        final_cost: Callable[[Any], Any] = lambda x: ca.SX(0.0),
     ) -> None:
         x, u, s = ca.SX.sym("x", n_states), ca.SX.sym("u", n_controls), ca.SX.sym("s")
         previous = ca.GlobalOptions.getNumpyMode()
         ca.GlobalOptions.setNumpyMode(-1)
         try:
             rates, limits, integrands = build(x, u, s)
+            terminal = final_cost(x)
         finally:
             ca.GlobalOptions.setNumpyMode(previous)
         f, g = ca.vertcat(*rates), ca.vertcat(*limits)
@@ -184,6 +199,8 @@ class TracedFunctions:
         self._all = ca.Function("all", [x, u, s], [ca.densify(o) for o in outputs])
         self._rates = ca.Function("rates", [x, u, s], [ca.densify(f)])
         self._limits = ca.Function("limits", [x, u, s], [ca.densify(g)])
+        by_state = ca.densify(ca.gradient(terminal, x))
+        self._terminal = ca.Function("terminal", [x], [terminal, by_state])
         self._mapped: dict[tuple[str, int], Any] = {}
 
     def _map(self, function: Any, n: int) -> Any:
@@ -199,6 +216,11 @@ class TracedFunctions:
     def limits(self, x: Array, u: Array, s: Array) -> Array:
         """g at n points, (n, k)."""
         return np.array(self._map(self._limits, len(x))(x.T, u.T, s[None])).T
+
+    def terminal(self, x: Array) -> tuple[float, Array]:
+        """Value of m and its gradient at one state (n_x,)."""
+        value, gradient = self._terminal(x)
+        return float(value), np.array(gradient).ravel()
 
     def curvature(self, x: Array, u: Array, s: Array, mu: Array, w: Array) -> Array:
         """∂²(w·l + μ·f)/∂x_k² at n points with μ (n, n_x), w (n, m): (n, n_x)."""

@@ -11,7 +11,8 @@
 | liu2024_hp      | time        | Radau, hp              | fixed        | variable penalty              |
 | liu2024         | time        | Radau, hp, reduced     | fixed        | variable penalty              |
 
-Numbers are those of the papers; what they leave open is marked [X].
+Numbers are those of the papers; what they leave open is marked [X]. So is the eighth of a number for
+each state: it is of an angle of attack that is a control, which the papers do not have.
 
 References
 ----------
@@ -235,7 +236,10 @@ ZHOU = Method(
     start=straight_line(400, 1700.0),  # [X] the flight time of the guess is unpublished
     transcribe=trapezoid,
     trust_region=StateTrustRegion(
-        radius=(20e3, *(20 * DEGREE,) * 2, 500.0, 20 * DEGREE, 30 * DEGREE, 90 * DEGREE),
+        radius=(
+            *(20e3, 20 * DEGREE, 20 * DEGREE, 500.0, 20 * DEGREE, 30 * DEGREE, 90 * DEGREE),
+            20 * DEGREE,
+        ),
         price=100.0,  # C₃
     ),
     prices=Prices(
@@ -253,7 +257,7 @@ ZHOU = Method(
     adapt=LocalErrorAdaptation(
         # [X] the unit of Δ is unpublished; a twentieth of R₀, 1 rad and √(g₀R₀) leaves as many points
         # under ε₊ = 1e-2, ε₋ = 1e-3 as the paper reports
-        units=(EARTH_RADIUS / 20, 0.05, 0.05, CIRCULAR_SPEED / 20, 0.05, 0.05, 0.05),
+        units=(EARTH_RADIUS / 20, 0.05, 0.05, CIRCULAR_SPEED / 20, *(0.05,) * 4),
     ),
     global_error=True,
 )
@@ -283,18 +287,32 @@ WANG = Method(
     start=flown(uniform(10, 20)),
     transcribe=radau,
     trust_region=StateTrustRegion(
-        (5e3, 5 * DEGREE, 5 * DEGREE, 500.0, 5 * DEGREE, 5 * DEGREE, 10 * DEGREE)  # Eq. (39)
+        (
+            *(5e3, 5 * DEGREE, 5 * DEGREE, 500.0, 5 * DEGREE, 5 * DEGREE, 10 * DEGREE),  # Eq. (39)
+            5 * DEGREE,
+        )
     ),
     prices=Prices(target=(0.1, 1e3, 1e3, 1.0, 1e3, 1e3, 1e3), limits=1e3),  # [X] hard in the paper
     convergence=StateChange(
-        (200.0, 0.1 * DEGREE, 0.1 * DEGREE, 1.0, 0.1 * DEGREE, 0.1 * DEGREE, DEGREE)  # Eq. (40)
+        (
+            *(
+                200.0,
+                0.1 * DEGREE,
+                0.1 * DEGREE,
+                1.0,
+                0.1 * DEGREE,
+                0.1 * DEGREE,
+                DEGREE,
+            ),  # Eq. (40)
+            DEGREE,
+        )
     ),
     max_iterations=40,
 )
 
 REDUCED = ModifiedHpSettings(
-    # the bank angle flown is the polynomial itself: it has no error
-    tolerance=(110.0, 1.7e-5, 1.7e-5, 2.75, 5.5e-4, 5.5e-4, np.inf),
+    # an angle that is steered is the polynomial itself: it has no error
+    tolerance=(110.0, 1.7e-5, 1.7e-5, 2.75, 5.5e-4, 5.5e-4, np.inf, np.inf),
     limit_tolerance=0.0,
 )
 
@@ -303,11 +321,17 @@ LIU_2024 = Method(
     start=flown(uniform(16, 8)),  # [X] as everything here: the paper's settings are lost
     transcribe=radau,
     trust_region=StateTrustRegion(
-        (10e3, 10 * DEGREE, 10 * DEGREE, 500.0, 10 * DEGREE, 20 * DEGREE, 40 * DEGREE)
+        (
+            *(10e3, 10 * DEGREE, 10 * DEGREE, 500.0, 10 * DEGREE, 20 * DEGREE, 40 * DEGREE),
+            10 * DEGREE,
+        )
     ),
     prices=Prices(target=(0.1, 1e3, 1e3, 1.0, 1e3, 1e3, 1e3), limits=1e3),
     convergence=StateChange(
-        (100.0, 0.05 * DEGREE, 0.05 * DEGREE, 5.0, 0.05 * DEGREE, 0.2 * DEGREE, DEGREE)
+        (
+            *(100.0, 0.05 * DEGREE, 0.05 * DEGREE, 5.0, 0.05 * DEGREE, 0.2 * DEGREE, DEGREE),
+            DEGREE,
+        )
     ),
     max_iterations=40,
     limit_margin=2e-3,

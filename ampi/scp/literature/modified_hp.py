@@ -45,7 +45,7 @@ Array = NDArray[np.float64]
 class ModifiedHpSettings:
     """Tolerances, degrees and caps; the paper's ε_e, H₁, H₂ and r_max, whose values are unpublished."""
 
-    tolerance: tuple[float, ...]  # ε_e per state, SI or rad
+    tolerance: tuple[float, ...]  # ε_e per state that there may be, SI or rad
     limit_tolerance: float = KEPT  # relative excess between the nodes
     least_degree: int = 4  # H₁
     greatest_degree: int = 14  # H₂
@@ -144,7 +144,8 @@ class BetweenNodes:
     @property
     def scale(self) -> Array:
         """Tolerances in scaled states."""
-        return np.array(self.settings.tolerance) / self.formulation.state_scale
+        states = self.formulation.n_states
+        return np.array(self.settings.tolerance[:states]) / self.formulation.state_scale
 
     @property
     def pieces(self) -> list[Piece]:

@@ -5,7 +5,7 @@ value of the independent variable, trust-region relaxation η and slacks v (targ
 
     minimise   qᵀ(δx, δu, δs) + ½ (δx, δu, δs)ᵀ diag(Q) (δx, δu, δs) + c_η η + Σ c_v v + c_p Σ p + Σ w a
     subject to D_x δx + D_u δu + D_s δs = −R                dynamics
-               δx prescribed at the entry, and at a hard target
+               E_x δx + E_u δu = e                          entry, and a hard target
                lo − v ≤ δx_f ≤ hi + v                       target, elastic
                lo ≤ δx ≤ hi,  lo ≤ δu ≤ hi                  bounds
                |δx| ≤ η Δ   or   |δx| ≤ Δ                   trust region
@@ -59,8 +59,8 @@ class SparseSubproblem:
     n_controls: int
     dynamics: sparse.csr_array  # (D_x, D_u, D_s): (m n_x, N)
     residual: Array  # R (m n_x,)
-    fixed: NDArray[np.intp]  # entries of δx that are prescribed: entry, hard target
-    fixed_change: Array
+    prescribed: sparse.csr_array  # (E_x, E_u, ·): (e, N)
+    prescribed_change: Array  # e
     target: tuple[TargetRow, ...]
     lower: Array  # (N,) on (δx, δu, δs); −inf where free
     upper: Array
@@ -121,7 +121,7 @@ def solve_sparse_subproblem(problem: SparseSubproblem) -> SparseStep:
     Columns are (δ = (δx, δu, δs) | η | v | p | a), rows from top to bottom
 
         [ D     ·   ·   ·   · ]  dynamics        [ ±I    −Δ   ·   ·   · ]  trust region
-        [ I_f   ·   ·   ·   · ]  fixed states    [ G     ·    ·  −K   · ]  limits
+        [ E     ·   ·   ·   · ]  prescribed      [ G     ·    ·  −K   · ]  limits
         [ ·     1   ·   ·   · ]  η, if fixed     [ ±A    ·    ·   ·  −I ]  absolute terms
         [ ±I_t  ·  −I   ·   · ]  target          [ ·    −I   −I  −I   · ]  signs
         [ ±I_b  ·   ·   ·   · ]  bounds          [ −I_u   ·    ·   ·   · ]  cones (1, u + δu)
@@ -177,31 +177,29 @@ def _step(
     )
 
 
-def _pick(index: NDArray[np.intp], columns: int) -> sparse.csr_array:
+def pick(index: NDArray[np.intp], columns: int) -> sparse.csr_array:
     """Rows of the identity."""
     count = len(index)
     return sparse.csr_array((np.ones(count), (np.arange(count), index)), shape=(count, columns))
 
 
 def _equalities(p: SparseSubproblem) -> tuple[sparse.csr_array, Array]:
-    rows = [p.dynamics, _pick(p.fixed, p.width)]
-    right = [-p.residual, p.fixed_change]
+    rows = [p.dynamics, p.prescribed]
+    right = [-p.residual, p.prescribed_change]
     others = 1 + len(p.target) + p.n_limits + p.n_absolute
-    matrix = sparse.hstack(
-        [sparse.vstack(rows), sparse.csr_array((len(p.residual) + len(p.fixed), others))]
-    )
+    matrix = sparse.hstack([sparse.vstack(rows), sparse.csr_array((sum(map(len, right)), others))])
     if p.trust_price is None:
-        matrix = sparse.vstack([matrix, _pick(np.array([p.width]), p.width + others)])
+        matrix = sparse.vstack([matrix, pick(np.array([p.width]), p.width + others)])
         right.append(np.ones(1))
     return sparse.csr_array(matrix), np.concatenate(right)
 
 
 def _inequalities(p: SparseSubproblem) -> tuple[sparse.csr_array, Array]:
     last = (p.n_nodes - 1) * p.n_states
-    final = _pick(np.array([last + t.state for t in p.target], dtype=np.intp), p.width)
+    final = pick(np.array([last + t.state for t in p.target], dtype=np.intp), p.width)
     above = np.flatnonzero(np.isfinite(p.upper))
     below = np.flatnonzero(np.isfinite(p.lower))
-    trusted = _pick(p.trust_rows, p.width)
+    trusted = pick(p.trust_rows, p.width)
     radius = np.tile(p.trust_radius, p.n_nodes)[p.trust_rows]
     column = sparse.csr_array(-radius[:, None])
     m, slacks = len(p.limit_room), len(p.target)
@@ -217,8 +215,8 @@ def _inequalities(p: SparseSubproblem) -> tuple[sparse.csr_array, Array]:
     blocks: list[list[sparse.sparray | None]] = [
         [final, None, elastic, None, None],
         [-final, None, elastic, None, None],
-        [_pick(above, p.width), None, None, None, None],
-        [-_pick(below, p.width), None, None, None, None],
+        [pick(above, p.width), None, None, None, None],
+        [-pick(below, p.width), None, None, None, None],
         [trusted, column, None, None, None],
         [-trusted, column, None, None, None],
         [p.limit_rows, None, None, kinds, None],

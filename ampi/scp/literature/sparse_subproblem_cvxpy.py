@@ -109,7 +109,7 @@ def _constraints(p: SparseSubproblem, change: Any, dx: Any, du: Any, slacks: _Sl
     above, below = np.isfinite(p.upper), np.isfinite(p.lower)
     found: list[Any] = [
         p.dynamics @ change == -p.residual,
-        change[p.fixed] == p.fixed_change,
+        p.prescribed @ change == p.prescribed_change,
         cp.abs(change[p.trust_rows]) <= slacks.relaxation * radius,
         change[above] <= p.upper[above],
         change[below] >= p.lower[below],

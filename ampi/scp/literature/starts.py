@@ -17,10 +17,10 @@ import numpy as np
 from ampi.missions.final_states import final_states
 from ampi.missions.mission import Mission
 from ampi.physics.angles import on_turn_of
-from ampi.physics.state import AZIMUTH, LATITUDE, LONGITUDE
+from ampi.physics.state import ANGLE_OF_ATTACK, AZIMUTH, LATITUDE, LONGITUDE
 from ampi.pseudospectral.mesh import Mesh, Phase
 from ampi.scp.guess import ConstantBank, constant_bank_guess, default_guess
-from ampi.scp.literature.coast import until_drag, until_level
+from ampi.scp.literature.coast import middle_angle, until_drag, until_level
 from ampi.scp.literature.collocation import line_mesh, trapezoid
 from ampi.scp.literature.energy_domain import EnergyDomain
 from ampi.scp.literature.energy_guess import lifted_lines
@@ -53,7 +53,7 @@ def straight_line(points: int, flight_time: float) -> Callable[[Mission], Start 
             return None
         form = TimeDomain.from_mission(mission, coast)
         target, tau = mission.target, np.linspace(0.0, 1.0, points)
-        first = np.append(coast.handover, 0.0)
+        first = coast.states[:, -1]
         last = first.copy()
         last[[LONGITUDE, LATITUDE]] = target.longitude, target.latitude
         for held in final_states(mission):
@@ -61,8 +61,10 @@ def straight_line(points: int, flight_time: float) -> Callable[[Mission], Start 
         last[[LONGITUDE, AZIMUTH]] = on_turn_of(
             last[[LONGITUDE, AZIMUTH]], first[[LONGITUDE, AZIMUTH]]
         )
+        last[ANGLE_OF_ATTACK:] = middle_angle(mission, last)
         states = (first + (last - first) * tau[:, None]) / form.state_scale
-        iterate = MeshIterate(line_mesh(tau), states, np.zeros((points, 1)), flight_time)
+        controls = np.zeros((points, form.n_controls))
+        iterate = MeshIterate(line_mesh(tau), states, controls, flight_time)
         return Start(form, iterate)
 
     return start
@@ -80,7 +82,8 @@ def flown(mesh: Mesh) -> Callable[[Mission], Start | None]:
         if nodal is None:
             return None
         states = nodal.states / form.state_scale
-        return Start(form, MeshIterate(mesh, states, np.zeros((len(states), 1)), nodal.final_time))
+        controls = np.zeros((len(states), form.n_controls))
+        return Start(form, MeshIterate(mesh, states, controls, nodal.final_time))
 
     return start
 
@@ -129,10 +132,12 @@ def typical_cost(mission: Mission) -> float:
     """The size of a mission's objective, from the size of its terms in a glide of half an hour."""
     o = mission.objective
     return (
-        abs(o.bank_rate_effort) * 100.0  # (deg/s)² s
+        (abs(o.bank_rate_effort) + abs(o.angle_of_attack_effort)) * 100.0  # (deg/s)² s
         + abs(o.bank_rate_variation) * 100.0  # deg
         + abs(o.flight_time) * 1000.0  # s
         + abs(o.heat_load) * 500.0  # MJ/m²
         + abs(o.ground_range) * 1e4  # km
         + abs(o.descent_rate) * 1e4  # m
+        + abs(o.cross_range) * 1e3  # km
+        + abs(o.final_speed) * 1e3  # m/s
     )

@@ -15,7 +15,7 @@ from scipy import sparse
 from ampi.pseudospectral.mesh import Mesh
 from ampi.scp.literature.collocation import Collocation
 from ampi.scp.literature.formulation import Formulation, Linearisation, TermKind
-from ampi.scp.literature.sparse_subproblem import AbsoluteTerm, SparseSubproblem, TargetRow
+from ampi.scp.literature.sparse_subproblem import AbsoluteTerm, SparseSubproblem, TargetRow, pick
 
 Array = NDArray[np.float64]
 
@@ -24,7 +24,7 @@ Array = NDArray[np.float64]
 class StateTrustRegion:
     """|x − x_k| ≤ η Δ, Zhou 2021, Eqs. (29), (34); without a price η = 1, Liu 2015, Eq. (48)."""
 
-    radius: tuple[float, ...]  # Δ per state, SI or rad
+    radius: tuple[float, ...]  # Δ per state that there may be, SI or rad
     price: float | None = None  # c_η
 
 
@@ -74,7 +74,7 @@ class SubproblemBuilder:
         lin = form.linearise(at.mesh, x, u, at.final)
         n, n_x, n_u = rule.n_nodes, form.n_states, form.n_controls
         width = n * (n_x + n_u) + 1
-        radius = np.array(self.trust_region.radius) / form.state_scale
+        radius = np.array(self.trust_region.radius[:n_x]) / form.state_scale
         lower, upper = self._bounds(at, width)
         fixed = np.flatnonzero(np.isfinite(form.entry))
         fixed_change = form.entry[fixed] - x[0, fixed]
@@ -93,14 +93,15 @@ class SubproblemBuilder:
             curvature[: n * n_x] += np.tile(2.0 * quadratic_penalty / n / radius**2, n)
         if multipliers is not None and self.curved_states:
             curvature[: n * n_x] += self._curvature(rule, at, multipliers).ravel()
+        prescribed, change = _entry_controls(form, rule, u)
         return SparseSubproblem(
             n_nodes=n,
             n_states=n_x,
             n_controls=n_u,
             dynamics=_dynamics(lin, rule, at.final, form),
             residual=rule.residual(x, lin.rates, at.final).ravel(),
-            fixed=fixed,
-            fixed_change=fixed_change,
+            prescribed=sparse.vstack([pick(fixed, width), *prescribed]).tocsr(),
+            prescribed_change=np.append(fixed_change, change),
             target=tuple(target),
             lower=lower,
             upper=upper,
@@ -138,6 +139,7 @@ class SubproblemBuilder:
             value = lin.integrands[:, k]
             value = np.abs(value) if term.kind is TermKind.ABSOLUTE else value
             total += term.weight * float(rule.weights(at.final) @ value)
+        total += form.terminal(at.states[-1])[0]
         return self._scale(at) * total
 
     def _scale(self, at: MeshIterate) -> float:
@@ -166,6 +168,7 @@ class SubproblemBuilder:
         free = not self.frozen_time and form.final_is_free
         gradient[-1] += form.final_cost * scale * form.final_scale if form.final_is_free else 0.0
         weights, growth = rule.weights(at.final), rule.weight_free * form.final_scale * free
+        gradient[(n - 1) * n_x : n * n_x] += scale * form.terminal(at.states[-1])[1]
         absolute = []
         for k, term in enumerate(form.terms):
             w, dw = scale * term.weight * weights, scale * term.weight * growth
@@ -184,6 +187,22 @@ class SubproblemBuilder:
                 curvature[: n * n_x] += convex[:, :n_x].ravel()
                 curvature[n * n_x : -1] += convex[:, n_x:].ravel()
         return gradient, curvature, tuple(absolute)
+
+
+def _entry_controls(
+    form: Formulation, rule: Collocation, u: Array
+) -> tuple[list[sparse.sparray], Array]:
+    """Rows over (δx, δu, δs) that hold the controls given at the first node, and their changes."""
+    n, n_x, n_u = rule.n_nodes, form.n_states, form.n_controls
+    rows: list[sparse.sparray] = []
+    change: list[float] = []
+    for k in np.flatnonzero(np.isfinite(form.entry_controls)):
+        of_controls = np.zeros((len(rule.first_control), n * n_u))
+        of_controls[:, k::n_u] = rule.first_control
+        nothing = np.zeros((len(of_controls), n * n_x))
+        rows.append(sparse.csr_array(np.hstack([nothing, of_controls, nothing[:, :1]])))
+        change.extend(form.entry_controls[k] - rule.first_control @ u[:, k])
+    return rows, np.array(change)
 
 
 def _node_rows(by_state: Array, by_control: Array, by_final: Array) -> sparse.csr_array:

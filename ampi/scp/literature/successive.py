@@ -72,11 +72,12 @@ SubproblemSolver = Callable[[SparseSubproblem], SparseStep]
 class StateChange:
     """max_i |x_i^{k+1} − x_i^k| ≤ ε: Zhou 2021, Eq. (44); Liu 2015, Eq. (70); Wang 2020, Eq. (36)."""
 
-    tolerance: tuple[float, ...]  # ε per state, SI or rad; inf where not asked
+    tolerance: tuple[float, ...]  # ε per state that there may be, SI or rad; inf where not asked
 
     def reached(self, log: list[SubproblemRecord]) -> bool:
         """Whether the last step was small."""
-        return bool(np.all(np.array(log[-1].change) <= np.array(self.tolerance)))
+        change = np.array(log[-1].change)
+        return bool(np.all(change <= np.array(self.tolerance[: len(change)])))
 
 
 @dataclass(frozen=True)

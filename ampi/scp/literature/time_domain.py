@@ -1,14 +1,15 @@
 """The entry problem over time, with the bank rate as control: Zhou 2021, Eqs. (12)–(17).
 
-States (h, θ, φ, V, γ, ψ, σ), control û = σ̇ / σ̇_max, free final time. The equations of motion, the
+States (h, θ, φ, V, γ, ψ, σ), control û = σ̇ / σ̇_max, free final time. Where the angle of attack is
+steered too (ours), it is an eighth state and α̇ / α̇_max a second control. The equations of motion, the
 path constraints and their derivatives are those of `ampi.physics`, differentiated exactly: the papers
 freeze the small terms of the planet's rotation at the last iterate, which only slows convergence.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
-from functools import lru_cache
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
 from typing import Any
 
 import numpy as np
@@ -17,9 +18,19 @@ from numpy.typing import NDArray
 from ampi.missions.final_states import FinalState, final_states
 from ampi.missions.mission import Mission
 from ampi.missions.path_limits import PathLimits
+from ampi.physics.angles import on_turn_of
 from ampi.physics.equations_of_motion import FlightModel, equations_of_motion
 from ampi.physics.path_constraints import path_constraints
-from ampi.physics.state import ALTITUDE, BANK, FLIGHT_PATH_ANGLE, LOADS, N_STATES, SPEED
+from ampi.physics.planet import cross_range_angle
+from ampi.physics.state import (
+    ALTITUDE,
+    BANK,
+    FLIGHT_PATH_ANGLE,
+    LATITUDE,
+    LOADS,
+    LONGITUDE,
+    SPEED,
+)
 from ampi.pseudospectral.mesh import Mesh
 from ampi.scp.literature.coast import Coast
 from ampi.scp.literature.formulation import (
@@ -33,7 +44,7 @@ from ampi.trajectory import Status, Trajectory
 
 Array = NDArray[np.float64]
 
-SCALE = Scaling().states  # m, rad, m/s
+SCALE = (*Scaling().states, 1.0)  # m, rad, m/s; of as many states as there are
 SECONDS = 100.0  # per unit of δt_f
 FLOOR_BEGINS = 20.0  # m/s, over which the drag floor begins
 DEGREE = float(np.pi / 180.0)
@@ -48,9 +59,6 @@ class TimeDomain:
     terms: tuple[Term, ...]
     functions: TracedFunctions
     limit_names: tuple[str, ...]
-    n_states: int = N_STATES
-    n_controls: int = 1
-    state_scale: Array = field(default_factory=lambda: np.array(SCALE))
     final_scale: float = SECONDS
     final_is_free: bool = True
     control_cone: bool = False
@@ -62,10 +70,46 @@ class TimeDomain:
         return cls(mission, coast, _terms(mission), _traced(mission), names)
 
     @property
+    def n_states(self) -> int:
+        """Seven, or eight."""
+        return self.mission.n_states
+
+    @property
+    def n_controls(self) -> int:
+        """One, or two."""
+        return self.n_states - BANK
+
+    @cached_property
+    def state_scale(self) -> Array:
+        """Of the states that there are."""
+        return np.array(SCALE[: self.n_states])
+
+    @cached_property
+    def control_scale(self) -> Array:
+        """Greatest rates, rad/s."""
+        limits = PathLimits.of(self.mission)
+        angle = limits.angle_of_attack
+        return np.array([limits.bank_rate] if angle is None else [limits.bank_rate, angle.rate])
+
+    @property
     def entry(self) -> Array:
-        """Entry state or handover; the bank angle there is free."""
-        start = self.mission.entry_state if self.coast is None else self.coast.handover
-        return np.append(start, np.nan) / self.state_scale
+        """Entry state with the angles given there, or handover; there the bank angle alone is free."""
+        given = self.mission.entry
+        start, bank, attack = self.mission.entry_state, given.bank_angle, given.angle_of_attack
+        if self.coast is not None:
+            start, bank = self.coast.handover, None
+            attack = float(self.coast.states[-1, -1])
+        angles = [np.nan if bank is None else on_turn_of(bank, 0.0)]
+        angles.append(np.nan if attack is None else attack)
+        return np.append(start, angles[: self.n_controls]) / self.state_scale
+
+    @property
+    def entry_controls(self) -> Array:
+        """The rates given at the entry."""
+        given = self.mission.entry
+        rates = [given.bank_rate, given.angle_of_attack_rate][: self.n_controls]
+        known = [np.nan if rate is None else rate for rate in rates]
+        return np.array(known) / self.control_scale
 
     @property
     def target(self) -> tuple[FinalState, ...]:
@@ -80,14 +124,19 @@ class TimeDomain:
 
     @property
     def state_bounds(self) -> tuple[Array, Array]:
-        """The bank limit."""
+        """The bank limit, and fixed bounds of the angle of attack."""
         upper = np.append(np.full(BANK, np.inf), self.mission.limits.bank_angle)
-        return -upper, upper
+        lower, bounds = -upper, PathLimits.of(self.mission).angle_of_attack
+        if bounds is None:
+            return lower, upper
+        if not bounds.are_fixed:  # they are limits on the path
+            return np.append(lower, -np.inf), np.append(upper, np.inf)
+        return np.append(lower, bounds.lower[0]), np.append(upper, bounds.upper[0])
 
     @property
     def control_bounds(self) -> tuple[Array, Array]:
-        """The rate limit, scaled to one."""
-        return -np.ones(1), np.ones(1)
+        """The limits of the rates, scaled to one."""
+        return -np.ones(self.n_controls), np.ones(self.n_controls)
 
     def linearise(self, mesh: Mesh, x: Array, u: Array, final: float) -> Linearisation:
         """See `Formulation`."""
@@ -96,6 +145,10 @@ class TimeDomain:
     def curvature(self, mesh: Mesh, x: Array, u: Array, final: float, mu: Array, w: Array) -> Array:
         """See `Formulation`."""
         return self.functions.curvature(x, u, mesh.times(final), mu, w)
+
+    def terminal(self, x: Array) -> tuple[float, Array]:
+        """See `Formulation`: cross-range and final speed."""
+        return self.functions.terminal(x)
 
     def rates(self, x: Array, u: Array, s: Array) -> Array:
         """See `Formulation`."""
@@ -107,13 +160,15 @@ class TimeDomain:
 
     def trajectory(self, mesh: Mesh, x: Array, u: Array, final: float) -> Trajectory:
         """See `Formulation`."""
+        bank_rate, *others = (u * self.control_scale).T
         flight = Trajectory(
             mesh=mesh,
             states=(x * self.state_scale).T.copy(),
-            bank_rate=u[:, 0] * self.mission.limits.bank_rate,
+            bank_rate=bank_rate,
             final_time=final,
             cost=np.nan,
             status=Status.ITERATION_LIMIT,
+            angle_of_attack_rate=others[0] if others else None,
         )
         return flight if self.coast is None else self.coast.before(flight)
 
@@ -122,6 +177,7 @@ def _terms(mission: Mission) -> tuple[Term, ...]:
     o = mission.objective
     terms = [
         Term("bank_rate_effort", o.bank_rate_effort, TermKind.CONVEX),
+        Term("angle_of_attack_effort", o.angle_of_attack_effort, TermKind.CONVEX),
         Term("bank_rate_variation", o.bank_rate_variation, TermKind.ABSOLUTE),
         Term("heat_load", o.heat_load, TermKind.LINEAR),
         Term("ground_range", o.ground_range, TermKind.LINEAR),
@@ -133,23 +189,53 @@ def _terms(mission: Mission) -> tuple[Term, ...]:
 def _traced(mission: Mission) -> TracedFunctions:
     terms = tuple(term.name for term in _terms(mission))
     wanted = mission.objective.desired_altitude_rate or 0.0
-    limits = PathLimits.of(mission)
-    return _trace(mission.flight_model, limits, terms, wanted)
+    limits, o, entry = PathLimits.of(mission), mission.objective, mission.entry
+    final = FinalCost(o.final_speed, o.cross_range, entry.longitude, entry.latitude, entry.azimuth)
+    return _trace(mission.flight_model, limits, terms, altitude_rate=wanted, final=final)
+
+
+@dataclass(frozen=True)
+class FinalCost:
+    """M(x_f): weights of the final speed (per m/s) and cross-range (per km) from an entry (rad)."""
+
+    final_speed: float
+    cross_range: float
+    longitude: float
+    latitude: float
+    azimuth: float
+
+    def value(self, model: FlightModel, state: Any) -> Any:
+        """At a state (SI, rad; symbols)."""
+        cost = self.final_speed * state[SPEED]
+        if not self.cross_range:
+            return cost
+        start = self.longitude, self.latitude, self.azimuth
+        angle = cross_range_angle(*start, state[LONGITUDE], state[LATITUDE])
+        return cost + self.cross_range * 1e-3 * model.planet.equatorial_radius * angle
 
 
 @lru_cache(maxsize=8)
 def _trace(
-    model: FlightModel, limits: PathLimits, terms: tuple[str, ...], altitude_rate: float
+    model: FlightModel,
+    limits: PathLimits,
+    terms: tuple[str, ...],
+    *,
+    altitude_rate: float,
+    final: FinalCost,
 ) -> TracedFunctions:
+    states, angle = model.n_states, limits.angle_of_attack
+
     def build(x: Any, u: Any, t: Any) -> tuple[list[Any], list[Any], list[Any]]:
-        physical = [x[k] * SCALE[k] for k in range(N_STATES)]
+        physical = [x[k] * SCALE[k] for k in range(states)]
         speed, radius = physical[SPEED], model.planet.equatorial_radius
         rate = u[0] * limits.bank_rate
-        rates = equations_of_motion(model, physical, rate, t)
+        angle_rate = 0.0 if angle is None else u[1] * angle.rate
+        rates = equations_of_motion(model, physical, rate, t, angle_of_attack_rate=angle_rate)
         heat_flux = path_constraints(model, physical, t)[LOADS.index("heat_flux")]
         over_ground = speed * np.cos(physical[FLIGHT_PATH_ANGLE]) * radius / (radius + physical[0])
         integrand = {
             "bank_rate_effort": (rate / DEGREE) ** 2,
+            "angle_of_attack_effort": (angle_rate / DEGREE) ** 2,
             "bank_rate_variation": rate / DEGREE,
             "heat_load": heat_flux / 1e6,
             "ground_range": over_ground / 1e3,
@@ -165,4 +251,9 @@ def _trace(
             [integrand[name] for name in terms],
         )
 
-    return TracedFunctions(N_STATES, 1, build)
+    return TracedFunctions(
+        states,
+        states - BANK,
+        build,
+        lambda x: final.value(model, [x[k] * SCALE[k] for k in range(states)]),
+    )

@@ -11,9 +11,15 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ampi.missions.flight_sections import GIVEN_STATES
 from ampi.missions.mission import Mission
 from ampi.missions.path_limits import PathLimits
 from ampi.missions.sections import TARGET_WEIGHTS, TERMS
+
+PLACE = {"longitude", "latitude"}
+FINAL = {"free final state", "final range", "final bank_angle", "final angle_of_attack"}
+STEERED = ("bank_angle", "bank_rate", "angle_of_attack", "angle_of_attack_rate")
+GIVEN_AT_ENTRY = frozenset(f"entry.{name}" for name in STEERED)
 
 
 class MethodError(ValueError):
@@ -32,16 +38,25 @@ class Capabilities:
 def asked_for(mission: Mission) -> tuple[list[str], list[str]]:
     """Optional constraints and objective terms of a mission, by their names in its file."""
     limits, target, objective = mission.limits, mission.target, mission.objective
+    free = set(target.free_states)
     constraints = {
         "bank_angle_minimum": limits.bank_angle_minimum > 0.0,
         "drag_floor": limits.drag_floor is not None,
         "no_fly_zone": bool(mission.no_fly_zone),
         "final flight_path_angle": target.flight_path_angle is not None,
         "final azimuth": target.azimuth is not None,
-        "free position": target.position == "free",
+        "free position": free >= PLACE,
+        "free final state": bool(free - PLACE) or len(free & PLACE) == 1,
+        "final range": any(getattr(target, f"{name}_range") for name in GIVEN_STATES),
+        "final bank_angle": target.bank_angle is not None,
+        "final angle_of_attack": target.angle_of_attack is not None,
         "fixed phases": len(mission.mesh.phase) > 1,
+        "angle_of_attack": mission.angle_of_attack is not None,
         "design margins": any(limits.share(name) < 1.0 for name in PathLimits.of(mission).names),
     }
+    for name in STEERED:
+        constraints[f"entry.{name}"] = getattr(mission.entry, name) is not None
+    constraints["entry.time"] = mission.entry.time > 0.0
     terms = {name: getattr(objective, name) != 0.0 for name in TERMS}
     terms["target weights"] = getattr(objective, TARGET_WEIGHTS[0]) is not None
     return [n for n, asked in constraints.items() if asked], [
@@ -57,25 +72,37 @@ CONDENSED = Capabilities(
             "final flight_path_angle",
             "final azimuth",
             "free position",
+            "free final state",
+            "final range",
+            "final bank_angle",
+            "final angle_of_attack",
             "fixed phases",
+            "angle_of_attack",
             "design margins",
+            "entry.time",
+            *GIVEN_AT_ENTRY,
         }
     ),
     terms=frozenset({*TERMS, "target weights"}),
 )
 
 OVER_TIME = Capabilities(  # the literature's methods over time
-    constraints=CONDENSED.constraints - {"fixed phases", "design margins"},
-    terms=frozenset(TERMS) - {"cross_range", "final_speed", "angle_of_attack_effort"},
+    constraints=CONDENSED.constraints - FINAL - {"fixed phases", "design margins", "entry.time"},
+    terms=frozenset(TERMS),
 )
 OVER_ENERGY = Capabilities(
-    constraints=OVER_TIME.constraints | {"bank_angle_minimum"},
+    constraints=OVER_TIME.constraints - {"angle_of_attack", *GIVEN_AT_ENTRY}
+    | {"bank_angle_minimum"},
     # the bank-rate effort makes an optimum over time unique; over energy there is no bank rate, and
     # Liu 2015, Eq. (38) regularises by the heading instead
     terms=frozenset({"flight_time", "heat_load", "ground_range", "bank_rate_effort"}),
 )
 
-STRAIGHT_LINES = replace(OVER_TIME, constant_bank=False)
+STRAIGHT_LINES = replace(  # until they begin, no bank angle is flown, and one angle of attack
+    OVER_TIME,
+    constraints=OVER_TIME.constraints - GIVEN_AT_ENTRY | {"entry.angle_of_attack"},
+    constant_bank=False,
+)
 
 METHODS: Mapping[str, Capabilities] = {
     "exact_hessian": CONDENSED,

@@ -41,14 +41,14 @@ def converged_status(
     *,
     bought_off: bool,
 ) -> Status:
-    """Status of a converged iterate; `final` is the scaled final state (s,).
+    """Status of a converged iterate; `final` is the scaled final state (7,).
 
     `bought_off` says that the elastic target still is: then the iterate does not minimise the cost.
     """
     if not np.all(excess <= settings.limit_excess):  # NaN too
         return Status.LIMITS_EXCEEDED
     error = np.zeros(len(final))
-    error[problem.target.state] = problem.target.error(final)
+    error[problem.target.state] = problem.target.miss(problem.target.error(final))
     there = final - error
     miss = great_circle_distance(final[1], final[2], there[1], there[2], problem.planet_radius)
     near = np.all(np.abs(error[[0, 3]]) <= problem.target_tolerance)

@@ -22,11 +22,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ampi.missions.family import MissionFamily
-from ampi.missions.final_states import held_states
+from ampi.missions.final_states import held_by, held_states
 from ampi.missions.mission import Mission
 from ampi.missions.sections import TARGET_WEIGHTS
 from ampi.physics.angles import on_turn_of
-from ampi.physics.state import ALTITUDE, CIRCULAR_STATES, LATITUDE, LONGITUDE, SPEED, STATES
+from ampi.physics.state import ALTITUDE, CIRCULAR_STATES, LATITUDE, LONGITUDE, SPEED
 from ampi.pseudospectral.mesh import Mesh
 from ampi.scp.problem.objective import Objective
 from ampi.scp.problem.problem_numbers import ProblemNumbers
@@ -100,6 +100,11 @@ class Target:
     def _circular(self) -> list[int]:
         return [row for row, state in enumerate(self.state.tolist()) if state in CIRCULAR_STATES]
 
+    def miss(self, error: Array) -> Array:
+        """`error` (…, m) of weighted and exact rows; of a ranged one what lies outside its range."""
+        inside = np.where(np.isfinite(self.upper), np.clip(error, self.lower, self.upper), 0.0)
+        return np.asarray(error - inside)
+
     def quadratic(self, error: Array) -> Any:
         """Σ w e², (…)."""
         return (self.weight * error**2).sum(axis=-1)
@@ -111,8 +116,9 @@ class Target:
         weights = dict(zip((ALTITUDE, LONGITUDE, LATITUDE, SPEED), TARGET_WEIGHTS, strict=True))
         rows: list[tuple[int, Any, Any, Any]] = []  # state, middle, weight, half width
         for held in held_states(numbers.mission):
-            span, weight = target(STATES[held]), None
-            if held in weights:
+            field = held_by(numbers.mission.target, held) or ""
+            span, weight = target(field), None
+            if held in weights and not field.endswith("_range"):
                 weight = objective(weights[held])
             low, high = span if isinstance(span, tuple) else (span, span)
             rows.append((held, 0.5 * (low + high), weight, 0.5 * (high - low)))
