@@ -33,7 +33,6 @@ from ampi.tracking.linear_quadratic import LinearQuadratic
 Array = NDArray[np.float64]
 Holes = Literal["refuse", "fly"]
 HOLES: tuple[Holes, ...] = get_args(Holes)
-ANGLE_OF_ATTACK_ACCELERATION = float(np.radians(4.0))  # rad/s²
 CORRECTIONS = ("none", "bank", "bank_and_angle")
 
 
@@ -274,9 +273,10 @@ def modulation_limits(mission: Mission) -> ModulationLimits | None:
     limits = mission.limits
     if limits.angle_of_attack_change is None or limits.angle_of_attack_rate is None:
         return None
-    acceleration = getattr(limits, "angle_of_attack_acceleration", ANGLE_OF_ATTACK_ACCELERATION)
     return ModulationLimits(
-        limits.angle_of_attack_change, limits.angle_of_attack_rate, acceleration
+        limits.angle_of_attack_change,
+        limits.angle_of_attack_rate,
+        limits.angle_of_attack_acceleration,
     )
 
 

@@ -22,6 +22,7 @@ from ampi.cli.options import (
 from ampi.cli.output_files import check_output
 
 if TYPE_CHECKING:
+    from ampi.correction.onboard_correction import Correction
     from ampi.dataset import TrajectoryDataset
     from ampi.export.fmu_description import FmuModel
     from ampi.guidance import Guidance
@@ -96,6 +97,7 @@ def _flown(
     """What is described, what flies, and the model on board of a mission that has one."""
     from ampi.dataset import read_dataset
     from ampi.export.blob import KINDS
+    from ampi.export.model_blob import model_blob
     from ampi.loading import HOLES, LAWS, guidance_of
     from ampi.onboard.reference import Mode
 
@@ -109,18 +111,21 @@ def _flown(
         holes=one_of(HOLES, holes, "--holes"),
         cycle=cycle,
     )
+    correction = _correction(dataset)
+    if correction is not None:  # the table holds the limits of all that it may ask for
+        guidance = guidance.corrected(correction)
+    on_board = None if correction is None else model_blob(correction)
     model = _model(dataset, guidance)
     names = ", ".join(f"{own.name} [{own.unit}]" for own in model.parameters)
     about = f"mission {dataset.mission.name}, {dataset.mission.digest[:12]}\nparameters {names}"
-    return model, guidance.blob(stored, about), _on_board(dataset)
+    return model, guidance.blob(stored, about), on_board
 
 
-def _on_board(dataset: TrajectoryDataset) -> bytes | None:
-    from ampi.export.model_blob import model_blob
+def _correction(dataset: TrajectoryDataset) -> Correction | None:
     from ampi.onboard_model import correction_of
 
     try:
-        return model_blob(correction_of(dataset.mission))
+        return correction_of(dataset.mission)
     except ValueError:  # what is flown without
         return None
 

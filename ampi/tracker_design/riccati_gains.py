@@ -79,7 +79,8 @@ class GainSettings:
 class SteeringSettings(GainSettings):
     """The same for Eq. (4), where the angle of attack may leave its reference."""
 
-    angle_of_attack_change: float = 2.0 * DEGREE  # rad over the whole flight
+    # rad over the whole flight; more asks for a quicker answer than the actuator's two seconds
+    angle_of_attack_change: float = 0.3 * DEGREE
 
 
 def vertex_gains(
