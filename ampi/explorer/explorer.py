@@ -132,6 +132,7 @@ def _tables(guidance: Guidance, small: SmallTable) -> dict[str, Any]:
             guidance.law,
             guidance.limits,
             modulation=guidance.modulation,
+            angles=guidance.angles,
             mode=mode,
             limit_axes=limit_axes,
         )
