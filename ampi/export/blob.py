@@ -152,7 +152,7 @@ def blob_text(blob: bytes) -> str:
 
 
 def blob_vertices(blob: bytes) -> int:
-    """Vertices that one reference reads: of every tensor product that its orders make."""
+    """Vertices that one reference adds, four at once: of every tensor product that its orders make."""
     words = np.frombuffer(blob, "<u4", count=len(blob) // 4)
     begin = (HEADER + SIZES + -(-len(blob_text(blob).encode()) // 8) * 8) // 4
     counts = words[begin : begin + 10 * int(words[HEADER // 4 + 2])].reshape(-1, 10)[:, :2].tolist()
@@ -162,7 +162,8 @@ def blob_vertices(blob: bytes) -> int:
     ]
     base = prod(widths)
     extra = [base // width * min(n, 4) for (n, _), width in zip(counts, widths, strict=True)]
-    return base + sum(part for part, bends in zip(extra, curved, strict=True) if bends)
+    products = [base, *(part for part, bends in zip(extra, curved, strict=True) if bends)]
+    return sum(-(-product // 4) * 4 for product in products)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

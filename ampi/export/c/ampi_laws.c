@@ -56,18 +56,18 @@ static double energy_lost(const double *gain, double altitude, double speed)
 
 void ampi_along(const ampi_table *table, const ampi_reference *reference, double *along)
 {
-    ampi_real points[(LOG_DRAG + 1) * AMPI_CHUNK];
+    double points[(LOG_DRAG + 1) * AMPI_CHUNK];
     double furthest = -HUGE_VAL;
     bool is_felt = false;
     size_t s, first, size, j, done = 0u;
 
     for (s = 0u; s < table->n.segments; s++) {
         for (first = 0u; first < table->segment[s].points; first += size) {
-            size = ampi_chunk(table, reference, s, first, LOG_DRAG + 1, points);
+            size = ampi_chunk(table, reference, s, first, LOG_DRAG + 1, points, AMPI_CHUNK);
             for (j = 0u; j < size; j++) {
-                const double altitude = (double)points[ALTITUDE * AMPI_CHUNK + j];
-                const double speed = (double)points[SPEED * AMPI_CHUNK + j];
-                const double drag = exp((double)points[LOG_DRAG * AMPI_CHUNK + j]);
+                const double altitude = points[ALTITUDE * AMPI_CHUNK + j];
+                const double speed = points[SPEED * AMPI_CHUNK + j];
+                const double drag = exp(points[LOG_DRAG * AMPI_CHUNK + j]);
                 const double time = time_of(table, reference->final_time, done);
                 is_felt = is_felt || (drag > table->set.gain[FELT_DRAG]);
                 furthest = most(furthest, is_felt ? energy_lost(table->set.gain, altitude, speed)
