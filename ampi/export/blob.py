@@ -55,6 +55,7 @@ KINDS: tuple[Kind, ...] = get_args(Kind)
 MAGIC = b"\x89AMPI\r\n\x1a"
 BYTE_ORDER_MARK, FORMAT = 0x01020304, 2
 HEADER, SIZES = 32, 64  # bytes
+AXIS, SEGMENT = 40, 48  # of one
 TEXT = 14  # place of its length among the sizes
 N_GAINS = 16
 ANY_ANGLE = (-np.pi, np.pi)
@@ -151,7 +152,7 @@ def blob_text(blob: bytes) -> str:
 
 
 def blob_vertices(blob: bytes) -> int:
-    """Vertices that one reference reads: of every tensor product that its orders make."""
+    """Vertices that one reference adds, four at once: of every tensor product that its orders make."""
     words = np.frombuffer(blob, "<u4", count=len(blob) // 4)
     begin = (HEADER + SIZES + -(-len(blob_text(blob).encode()) // 8) * 8) // 4
     counts = words[begin : begin + 10 * int(words[HEADER // 4 + 2])].reshape(-1, 10)[:, :2].tolist()
@@ -161,7 +162,8 @@ def blob_vertices(blob: bytes) -> int:
     ]
     base = prod(widths)
     extra = [base // width * min(n, 4) for (n, _), width in zip(counts, widths, strict=True)]
-    return base + sum(part for part, bends in zip(extra, curved, strict=True) if bends)
+    products = [base, *(part for part, bends in zip(extra, curved, strict=True) if bends)]
+    return sum(-(-product // 4) * 4 for product in products)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -281,7 +283,7 @@ def _gains(law: TrackingLaw) -> list[float]:
     if not isinstance(law, DragReference):
         return []
     lateral = law.lateral
-    gains = [law.gravitational_parameter, law.radius, law.felt_drag, law.angle_gain]
+    gains = [law.gravitational_parameter, law.radius, law.felt_drag]
     gains += [lateral.deadband, lateral.least_range, lateral.turning, lateral.braking]
     if isinstance(law, DragShuttle):
         gains += [law.drag_gain, law.descent_gain]

@@ -94,8 +94,8 @@ class CodeSizes:
 
     @property
     def stack(self) -> int:
-        """At the most, about: a chunk of the matrix and of its points, and a kilobyte of the rest."""
-        return 8 * CHUNK * (self.rows + self.widest) + 1024
+        """At the most, about: a chunk of the matrix and of ten rows, and a kilobyte of the rest."""
+        return 8 * CHUNK * (self.widest + 10) + 1024
 
 
 def _structure(*fields: Any) -> Any:
