@@ -32,7 +32,16 @@ from ampi.report.figures.panels import (
 )
 from ampi.report.figures.scheme_style import style_of
 from ampi.report.figures.style import INK, LIMIT_COLOUR, TARGET_COLOUR, house_style, new_figure
-from ampi.report.quantities import ALTITUDE, ANGLE_OF_ATTACK, BANK_ANGLE, CROSSRANGE, DOWNRANGE, KILO, SPEED, TIME
+from ampi.report.quantities import (
+    ALTITUDE,
+    ANGLE_OF_ATTACK,
+    BANK_ANGLE,
+    CROSSRANGE,
+    DOWNRANGE,
+    KILO,
+    SPEED,
+    TIME,
+)
 from ampi.report.scheme_groups import words
 from ampi.simulation.flights import Flights
 
