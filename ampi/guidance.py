@@ -23,7 +23,7 @@ from ampi.compiled_cycle import CompiledCycle, why_not_compiled
 from ampi.correction.corrected_cycle import CorrectedCycle
 from ampi.correction.onboard_correction import Correction
 from ampi.correction.state import CorrectionState
-from ampi.export.blob import Kind, table_blob
+from ampi.export.blob import ANY_ANGLE, Kind, table_blob
 from ampi.export.model_blob import model_blob
 from ampi.guidance_cycle import GuidanceCycle
 from ampi.onboard.certificate import Certificate, Certifier
@@ -54,7 +54,8 @@ class Guidance:
 
     `limits` are the nominal vehicle's; `limit_axes` names those of them that are parameters, each with
     its place in p: they are then what was measured. `law` tracks the reference; `modulation` limits the
-    change of the angle of attack that it, or a plan, may ask for.
+    change of the angle of attack that it, or a plan, may ask for. `angles` are the least and the
+    greatest angle of attack (rad) of a vehicle without a schedule.
 
     It measures its cycle from the times that it is given (`ampi.onboard.clock`): `reset`, or the first
     command after a new reference whose time does not go on, begins a flight. `cycle` (s) is the nominal
@@ -71,6 +72,7 @@ class Guidance:
         *,
         law: TrackingLaw | None = None,
         modulation: ModulationLimits | None = None,
+        angles: tuple[float, float] | None = None,
         cycle: float | None = None,
         limit_axes: Mapping[str, int] | None = None,
         mission_sha256: str | None = None,
@@ -82,6 +84,7 @@ class Guidance:
         self.table, self.limits, self.mode = table, limits, Mode(mode)
         self.law: TrackingLaw = LinearQuadratic() if law is None else law
         self.modulation = modulation  # None: it flies by bank alone
+        self.angles = angles
         self.limit_axes = dict(limit_axes or {})
         _check(table, limits, cycle, self.limit_axes, self.law)
         self.mission_sha256 = mission_sha256  # of the database's mission; None if made by hand
@@ -137,6 +140,7 @@ class Guidance:
             self.law,
             self.limits,
             modulation=self.modulation if self.modulates else None,
+            angles=self.angles,
             mode=self.mode,
             orders=self.orders,
             limit_axes=self.limit_axes,
@@ -152,6 +156,7 @@ class Guidance:
             "mode": self.mode,
             "law": self.law,
             "modulation": self.modulation,
+            "angles": self.angles,
             "cycle": self._stated_cycle,
             "limit_axes": self.limit_axes,
             "mission_sha256": self.mission_sha256,
@@ -242,8 +247,14 @@ class Guidance:
     def _cycle_of(self, flown: FlownReferences) -> GuidanceCycle | CompiledCycle:
         if self.engine == NATIVE:
             return CompiledCycle(flown, self.opened, self._opened_model)
-        limits = self.modulation if self.modulates else None
-        return GuidanceCycle(flown, self.law, self._stated_cycle, self.correction, limits)
+        return GuidanceCycle(
+            flown,
+            self.law,
+            self._stated_cycle,
+            self.correction,
+            modulation=self.modulation if self.modulates else None,
+            angles=self.angles or ANY_ANGLE,
+        )
 
     @cached_property
     def opened(self) -> Any:

@@ -35,13 +35,16 @@ class GuidanceCycle:
         law: TrackingLaw,
         stated_cycle: float | None,
         correction: Correction | None = None,
+        *,
         modulation: ModulationLimits | None = None,
+        angles: tuple[float, float],
     ) -> None:
         self._flown, self._law, self._table = flown, law, flown.table
         self._clock = CycleClock(stated_cycle)
         self.tracked = np.full((len(self._table.layout), len(flown)), np.nan)
         self._limits: BankLimits | None = None  # nothing is flown yet
         self._modulation = modulation  # None: the angle of attack stays as it is
+        self._angles = angles  # rad, between which one that steers stays
         # what corrects the plans, if anything does
         self.corrected = None if correction is None else CorrectedCycle(correction, flown)
         self._forget()
@@ -150,7 +153,8 @@ class GuidanceCycle:
         self._rate, self._bank = new, bank + 0.5 * (rate + new) * clock.expected
         angle = self._modulated(change)
         if layout.angle_of_attack is not None:
-            angle = at[layout.angle_of_attack] + angle
+            least, most = self._angles
+            angle = np.minimum(np.maximum(at[layout.angle_of_attack] + angle, least), most)
         return Command(new, self._bank, angle, steering, health)
 
     def _modulated(self, wanted: Array) -> Array:

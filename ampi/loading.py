@@ -33,7 +33,6 @@ from ampi.tracking.linear_quadratic import LinearQuadratic
 Array = NDArray[np.float64]
 Holes = Literal["refuse", "fly"]
 HOLES: tuple[Holes, ...] = get_args(Holes)
-ANGLE_OF_ATTACK_ACCELERATION = float(np.radians(4.0))  # rad/s²
 CORRECTIONS = ("none", "bank", "bank_and_angle")
 
 
@@ -254,6 +253,7 @@ def guidance_of(
         mode,
         law=tracker,
         modulation=modulation,
+        angles=_angles(dataset.mission),
         cycle=cycle,
         limit_axes={
             limit: names.index(f"limits.bank_{limit}")
@@ -273,10 +273,17 @@ def modulation_limits(mission: Mission) -> ModulationLimits | None:
     limits = mission.limits
     if limits.angle_of_attack_change is None or limits.angle_of_attack_rate is None:
         return None
-    acceleration = getattr(limits, "angle_of_attack_acceleration", ANGLE_OF_ATTACK_ACCELERATION)
     return ModulationLimits(
-        limits.angle_of_attack_change, limits.angle_of_attack_rate, acceleration
+        limits.angle_of_attack_change,
+        limits.angle_of_attack_rate,
+        limits.angle_of_attack_acceleration,
     )
+
+
+def _angles(mission: Mission) -> tuple[float, float] | None:
+    """Least and greatest angle of attack (rad) of a vehicle that steers it."""
+    control = mission.angle_of_attack
+    return None if control is None else (min(control.lower), max(control.upper))
 
 
 def _correction(mission: Mission, given: Correction | str) -> Correction | None:

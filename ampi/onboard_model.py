@@ -65,7 +65,8 @@ def flight_model_of(mission: Mission) -> FlightModelData:
         raise ValueError("mission: expected still air and the scheduled angle of attack on board")
     if vehicle.angle_of_attack is None:
         raise ValueError(
-            "mission: expected a schedule of the angle of attack on board, got a control"
+            "vehicle.angle_of_attack: expected a schedule for the model on board, got a mission that "
+            "steers it ([angle_of_attack])"
         )
     if vehicle.heat_flux_angle_coefficients is not None:
         raise ValueError(

@@ -17,7 +17,7 @@ void ampi_loop_begin(ampi_loop *loop) {
     loop->engine->run(&program->begin, loop->plant.places, program->scalars, loop->plant.span);
     memcpy(loop->x, fixed[AMPI_FIX_entry], sizeof loop->x);
     memcpy(loop->flown[PLANT_RATE], fixed[AMPI_FIX_bank_rate], sizeof(ampi_lanes));
-    memset(loop->flown[PLANT_ANGLE], 0, sizeof(ampi_lanes));
+    memcpy(loop->flown[PLANT_ANGLE], fixed[AMPI_FIX_angle_of_attack], sizeof(ampi_lanes));
     memcpy(loop->before, loop->flown, sizeof loop->before);
     memcpy(loop->command, loop->flown, sizeof loop->command);
     memset(loop->has_descended, 0, sizeof(ampi_lanes));

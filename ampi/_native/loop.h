@@ -15,7 +15,7 @@
 
 /* Numbers of each flight that stay: the first seven are its states at the entry. */
 #define AMPI_FIXED(X) \
-    X(entry, 7) X(bank_rate, 1) X(flying, 1) X(target_speed, 1) X(longest, 1) \
+    X(entry, 7) X(bank_rate, 1) X(angle_of_attack, 1) X(flying, 1) X(target_speed, 1) X(longest, 1) \
     X(navigation_bias, 7) X(navigation_noise, 7) X(navigation_latency, 1) X(navigation_dropout, 1) \
     X(accelerometer_bias, 3) X(accelerometer_noise, 1) X(accelerometer_scale, 1) \
     X(actuator_delay, 1) X(actuator_lag, 1) X(saturated_angle, 1) X(saturated_rate, 1)

@@ -15,6 +15,7 @@ enum { PLANT_RATE, PLANT_ANGLE, PLANT_STEERING }; /* rows of what steers */
 enum {
     PLANT_IN_RATE = PLANT_STATES,
     PLANT_IN_ANGLE,
+    PLANT_IN_ANGLE_RATE, /* of use to limits alone */
     PLANT_IN_TIME,
     PLANT_IN_DENSITY, /* factor of the profile; then the wind to east and north */
     PLANT_IN_EAST,

@@ -107,6 +107,7 @@ static void advance(const ampi_plant *plant, const ampi_lanes *x, const ampi_lan
     const ampi_list *const first = peak != NULL ? &program->rates_and_use : &program->rates;
     ampi_lanes middle[PLANT_STEERING], total[PLANT_STATES];
     double now[AMPI_LANES], half[AMPI_LANES], halfway[AMPI_LANES], end[AMPI_LANES];
+    double *const angle_rate = input(plant, PLANT_IN_ANGLE_RATE);
     EACH_LANE {
         now[i] = time;
         half[i] = 0.5 * h[i];
@@ -114,6 +115,7 @@ static void advance(const ampi_plant *plant, const ampi_lanes *x, const ampi_lan
         end[i] = time + h[i];
         middle[PLANT_RATE][i] = 0.5 * (old[PLANT_RATE][i] + new[PLANT_RATE][i]);
         middle[PLANT_ANGLE][i] = 0.5 * (old[PLANT_ANGLE][i] + new[PLANT_ANGLE][i]);
+        angle_rate[i] = (new[PLANT_ANGLE][i] - old[PLANT_ANGLE][i]) / h[i];
     }
     memcpy(plant->places, x, PLANT_STATES * sizeof(ampi_lanes));
     set_moment(plant, old[PLANT_RATE], old[PLANT_ANGLE], now);

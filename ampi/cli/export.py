@@ -15,12 +15,14 @@ from ampi.cli.options import (
     Force,
     HolesOption,
     Json,
+    ModulateOption,
     member,
     one_of,
 )
 from ampi.cli.output_files import check_output
 
 if TYPE_CHECKING:
+    from ampi.correction.onboard_correction import Correction
     from ampi.dataset import TrajectoryDataset
     from ampi.export.fmu_description import FmuModel
     from ampi.guidance import Guidance
@@ -41,6 +43,7 @@ def export(
         str,
         typer.Option(help="linear_quadratic, drag_sliding_mode or drag_shuttle."),
     ] = "linear_quadratic",
+    modulate: ModulateOption = False,
     mode: Annotated[str, typer.Option(help=ONE_MODE)] = "ampi",
     kind: Annotated[
         str, typer.Option(help="How the table is stored: float64, float32 or int16.")
@@ -60,7 +63,7 @@ def export(
         if c is None and fmu is None:
             raise ValueError("export: expected --c FOLDER or --fmu FILE, got neither")
         _check(path, c, fmu, force=force)
-        model, blob, on_board = _flown(path, law, mode, kind, cycle, holes)
+        model, blob, on_board = _flown(path, law, mode, kind, cycle, holes, modulate=modulate)
         written = _written(model, blob, on_board, c, fmu, fmi)
     if as_json:
         print_json(written)
@@ -82,11 +85,19 @@ def _check(path: Path, c: Path | None, fmu: Path | None, *, force: bool) -> None
 
 
 def _flown(
-    path: Path, law: str, mode: str, kind: str, cycle: float | None, holes: str
+    path: Path,
+    law: str,
+    mode: str,
+    kind: str,
+    cycle: float | None,
+    holes: str,
+    *,
+    modulate: bool,
 ) -> tuple[FmuModel, bytes, bytes | None]:
     """What is described, what flies, and the model on board of a mission that has one."""
     from ampi.dataset import read_dataset
     from ampi.export.blob import KINDS
+    from ampi.export.model_blob import model_blob
     from ampi.loading import HOLES, LAWS, guidance_of
     from ampi.onboard.reference import Mode
 
@@ -96,21 +107,25 @@ def _flown(
         dataset,
         mode=member(Mode, mode, "--mode"),
         law=one_of(LAWS, law, "--law"),
+        modulate=modulate,
         holes=one_of(HOLES, holes, "--holes"),
         cycle=cycle,
     )
+    correction = _correction(dataset)
+    if correction is not None:  # the table holds the limits of all that it may ask for
+        guidance = guidance.corrected(correction)
+    on_board = None if correction is None else model_blob(correction)
     model = _model(dataset, guidance)
     names = ", ".join(f"{own.name} [{own.unit}]" for own in model.parameters)
     about = f"mission {dataset.mission.name}, {dataset.mission.digest[:12]}\nparameters {names}"
-    return model, guidance.blob(stored, about), _on_board(dataset)
+    return model, guidance.blob(stored, about), on_board
 
 
-def _on_board(dataset: TrajectoryDataset) -> bytes | None:
-    from ampi.export.model_blob import model_blob
+def _correction(dataset: TrajectoryDataset) -> Correction | None:
     from ampi.onboard_model import correction_of
 
     try:
-        return model_blob(correction_of(dataset.mission))
+        return correction_of(dataset.mission)
     except ValueError:  # what is flown without
         return None
 

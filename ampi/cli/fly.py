@@ -23,6 +23,7 @@ from ampi.cli.options import (
     Json,
     LawOption,
     ModesOption,
+    ModulateOption,
     PoolOption,
     SeedOption,
     WorldOption,
@@ -53,6 +54,7 @@ def fly(
     world: WorldOption = "entry",
     law: LawOption = "linear_quadratic",
     modes: ModesOption = "nominal,mpi,ampi,quadratic",
+    modulate: ModulateOption = False,
     correction: CorrectionOption = "none",
     seed: SeedOption = 2016,
     pool: PoolOption = "reported",
@@ -92,7 +94,7 @@ def fly(
     stop = None if stop_percent is None else (stop_radius_km * KILO, stop_percent / PERCENT)
     with refusals():
         dataset = _read(path)
-        schemes = schemes_of(dataset, world, law, modes, holes, correction)
+        schemes = schemes_of(dataset, world, law, modes, holes, correction, modulate=modulate)
         if case is not None:
             files = CaseFiles(
                 recorded=output, table=table, plot=plot, corrections=corrections, force=force
@@ -166,6 +168,8 @@ def schemes_of(
     modes: str,
     holes: str,
     correction: str = "none",
+    *,
+    modulate: bool = False,
 ) -> dict[str, Scheme]:
     """Every world × law × reference × correction, named by what they differ in."""
     from ampi.loading import CORRECTIONS, HOLES, LAWS, guidance_of
@@ -179,7 +183,7 @@ def schemes_of(
     corrections = [one_of(CORRECTIONS, name, "--correction") for name in _names(correction)]
     worlds = {loaded.name: loaded for loaded in map(load_world, _names(world))}
     guides = {
-        (own, how): guidance_of(dataset, law=own, holes=asked, correction=how)
+        (own, how): guidance_of(dataset, law=own, modulate=modulate, holes=asked, correction=how)
         for own in laws
         for how in corrections
     }

@@ -52,6 +52,12 @@ LawOption = Annotated[
     str,
     typer.Option(help="Comma-separated: linear_quadratic, drag_sliding_mode, drag_shuttle."),
 ]
+ModulateOption = Annotated[
+    bool,
+    typer.Option(
+        "--modulate", help="Laws change the angle of attack, too, as far as the mission allows."
+    ),
+]
 CorrectionOption = Annotated[
     str,
     typer.Option(

@@ -10,8 +10,8 @@
       segments   s of uint32 low-density nodes, high-density points, 0, 0; float64 (a, b) of its begin,
                  and of half its length, t = a + b t_f
       settings   float64: limits of bank angle, rate, acceleration; nominal cycle; the same limits of
-                 the change of the angle of attack, 0: there is none; middle and reach of plausible
-                 states (7 each); 16 gains of the law
+                 the change of the angle of attack, 0: there is none; least and greatest angle of attack;
+                 middle and reach of plausible states (7 each); 16 gains of the law
       points     of each axis, float64
       matrix     of each segment: its nodes τ and their weights, padded to those of the widest; then its
                  part of the LD→HD matrix, [nodes][points]
@@ -55,8 +55,10 @@ KINDS: tuple[Kind, ...] = get_args(Kind)
 MAGIC = b"\x89AMPI\r\n\x1a"
 BYTE_ORDER_MARK, FORMAT = 0x01020304, 2
 HEADER, SIZES = 32, 64  # bytes
+AXIS, SEGMENT = 40, 48  # of one
 TEXT = 14  # place of its length among the sizes
 N_GAINS = 16
+ANY_ANGLE = (-np.pi, np.pi)
 NO_AXIS = 0xFFFFFFFF
 # by their numbers in C
 LAWS = (LinearQuadratic, DragSlidingMode, DragShuttle)
@@ -79,6 +81,7 @@ def table_blob(
     limits: BankLimits,
     *,
     modulation: ModulationLimits | None = None,
+    angles: tuple[float, float] | None = None,
     mode: Mode | str = Mode.AMPI,
     orders: Sequence[Order] | None = None,
     limit_axes: Mapping[str, int] | None = None,
@@ -94,6 +97,8 @@ def table_blob(
         As `Guidance` takes them.
     modulation
         Limits of the change of the angle of attack; None: it is never changed.
+    angles
+        Least and greatest angle of attack (rad) of a vehicle without a schedule; None: any.
     mode, orders, limit_axes, cycle
         As `Guidance` takes them.
     kind
@@ -115,6 +120,7 @@ def table_blob(
         law,
         limits,
         modulation=modulation,
+        angles=angles or ANY_ANGLE,
         mode=mode,
         limit_axes=limit_axes or {},
         cycle=cycle,
@@ -146,7 +152,7 @@ def blob_text(blob: bytes) -> str:
 
 
 def blob_vertices(blob: bytes) -> int:
-    """Vertices that one reference reads: of every tensor product that its orders make."""
+    """Vertices that one reference adds, four at once: of every tensor product that its orders make."""
     words = np.frombuffer(blob, "<u4", count=len(blob) // 4)
     begin = (HEADER + SIZES + -(-len(blob_text(blob).encode()) // 8) * 8) // 4
     counts = words[begin : begin + 10 * int(words[HEADER // 4 + 2])].reshape(-1, 10)[:, :2].tolist()
@@ -156,7 +162,8 @@ def blob_vertices(blob: bytes) -> int:
     ]
     base = prod(widths)
     extra = [base // width * min(n, 4) for (n, _), width in zip(counts, widths, strict=True)]
-    return base + sum(part for part, bends in zip(extra, curved, strict=True) if bends)
+    products = [base, *(part for part, bends in zip(extra, curved, strict=True) if bends)]
+    return sum(-(-product // 4) * 4 for product in products)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -167,6 +174,7 @@ class _Flown:
     law: TrackingLaw = field(kw_only=False)
     limits: BankLimits = field(kw_only=False)
     modulation: ModulationLimits | None
+    angles: tuple[float, float]
     mode: Mode
     limit_axes: Mapping[str, int]
     cycle: float | None
@@ -240,7 +248,7 @@ class _Flown:
         cycle = NOMINAL_CYCLE if self.cycle is None else self.cycle
         gains = _gains(self.law)
         changes = [0.0] * len(limits) if changed is None else _sizes_of(changed)
-        settings = [*limits, cycle, *changes, *envelope.middle, *envelope.reach]
+        settings = [*limits, cycle, *changes, *self.angles, *envelope.middle, *envelope.reach]
         settings += [*gains, *[0.0] * (N_GAINS - len(gains))]
         matrix: list[Array] = []
         for s, (first, count) in enumerate(zip(segments.first_node, segments.counts, strict=True)):
@@ -275,7 +283,7 @@ def _gains(law: TrackingLaw) -> list[float]:
     if not isinstance(law, DragReference):
         return []
     lateral = law.lateral
-    gains = [law.gravitational_parameter, law.radius, law.felt_drag, law.angle_gain]
+    gains = [law.gravitational_parameter, law.radius, law.felt_drag]
     gains += [lateral.deadband, lateral.least_range, lateral.turning, lateral.braking]
     if isinstance(law, DragShuttle):
         gains += [law.drag_gain, law.descent_gain]

@@ -70,7 +70,7 @@ class CodeSizes:
                 _Word * 16,
                 _structure(_Word * 4, _Number * 3) * a,
                 _structure(_Word * 4, _Number * 4) * s,
-                _Number * (4 + 3 + 2 * 7 + 16),
+                _Number * (4 + 5 + 2 * 7 + 16),
                 _Place * (1 + 2 * a + 3 * s + 6),
                 _Word * 2,
             )
@@ -94,8 +94,8 @@ class CodeSizes:
 
     @property
     def stack(self) -> int:
-        """At the most, about: a chunk of the matrix and of its points, and a kilobyte of the rest."""
-        return 8 * CHUNK * (self.rows + self.widest) + 1024
+        """At the most, about: a chunk of the matrix and of ten rows, and a kilobyte of the rest."""
+        return 8 * CHUNK * (self.widest + 10) + 1024
 
 
 def _structure(*fields: Any) -> Any:

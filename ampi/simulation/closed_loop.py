@@ -20,7 +20,6 @@ from ampi.guidance import Guidance
 from ampi.missions.family import MissionFamily
 from ampi.missions.mission import Mission
 from ampi.onboard.command import Command
-from ampi.physics.equations_of_motion import aerodynamic_acceleration
 from ampi.physics.state import ALTITUDE, BANK, ENTRY_STATES, N_STATES
 from ampi.simulation.actuator import Actuator
 from ampi.simulation.plant import ANGLE, PLANT, RATE, InFlight, Plant
@@ -52,7 +51,7 @@ class FlightBatch:
     states: Array  # (n, 7, k)
     reference_states: Array  # (n, 7, k)
     bank_rate: Array  # (n, k), flown, rad/s
-    angle_of_attack: Array  # (n, k), change against the schedule as flown, rad
+    angle_of_attack: Array  # (n, k), as flown, rad: against the schedule, if there is one
     peak: (
         Array  # (n, l): greatest use of each limit of the mission, at every plant step and the end
     )
@@ -103,7 +102,9 @@ class Entries:
         first, layout = guidance.flown.first, guidance.table.layout
         finite = np.all(np.isfinite(truth.parameters), axis=1)
         flights = InFlight.at_entry(plant, first[BANK].copy(), finite)
-        steering = np.stack([first[layout.bank_rate], np.zeros(len(family))])
+        row = layout.angle_of_attack
+        angle = np.zeros(len(family)) if row is None else first[row]
+        steering = np.stack([first[layout.bank_rate], angle])
         return cls(sensors, parameters, plant, flights, steering)
 
 
@@ -181,8 +182,7 @@ class _Loop:
         x, steering = self.flights.x, self.actuator.flown
         told, sensed = self.sensors.navigation(x, steering[RATE]), None
         if self.guidance.senses:
-            model = self.plant.steered(steering[ANGLE])
-            sensed = self.sensors.acceleration(np.stack(aerodynamic_acceleration(model, x, time)))
+            sensed = self.sensors.acceleration(self.plant.acceleration(x, steering, time))
         return self.guidance.step(time, told, sensed)
 
     def _note(self, time: float) -> None:

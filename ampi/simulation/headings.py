@@ -32,7 +32,7 @@ def attributes_of(
         "mission_sha256": mission.digest,
         "guidance_sha256": digest_of(guidance),
         "correction": correction_name(guidance),
-        "law": guidance.law.name,
+        "law": law_name(guidance),
         "mode": guidance.mode.value,
         "world": world.name,
         "world_sha256": world.digest,
@@ -55,11 +55,21 @@ def correction_name(guidance: Guidance) -> str:
     return "none" if guidance.correction is None else guidance.correction.name
 
 
+def law_name(guidance: Guidance) -> str:
+    """The law that tracks; told apart if it changes the angle of attack, too."""
+    law = guidance.law
+    return f"{law.name}_modulated" if law.modulates else law.name
+
+
 def digest_of(guidance: Guidance) -> str:
     """SHA-256 of what flies in any mode and at any cycle: table, limits, law, correction."""
     table = guidance.table
     shape = (table.centre, table.circular, guidance.orders)
-    words = (guidance.law, guidance.limits, guidance.limit_axes, shape)
+    words: tuple[Any, ...] = (guidance.law, guidance.limits, guidance.limit_axes, shape)
+    if guidance.modulates:
+        words = (*words, guidance.modulation, guidance.law.modulates)
+    if guidance.angles is not None:
+        words = (*words, guidance.angles)
     arrays = (*table.axes, table.values, table.final_time, table.conversion)
     found = hashlib.sha256(repr(words).encode())
     if guidance.correction is not None:

@@ -27,7 +27,7 @@ from ampi.simulation.closed_loop import (
     saturated_from,
 )
 from ampi.simulation.native_program import native_plant
-from ampi.simulation.plant import PLANT, RATE, InFlight, Plant
+from ampi.simulation.plant import ANGLE, PLANT, RATE, InFlight, Plant
 from ampi.simulation.sensors import BLOCK, NAVIGATED, SENSED
 from ampi.simulation.truth import Truth
 
@@ -143,6 +143,7 @@ class _Loops:
             (len(self.truth),),
             entry=entries.flights.x,
             bank_rate=entries.steering[RATE],
+            angle_of_attack=entries.steering[ANGLE],
             flying=entries.flights.flying,
             target_speed=entries.plant.target_speed,
             longest=entries.plant.longest,

@@ -39,7 +39,8 @@ from ampi.tracing.value_graph import Recorder
 
 Array = NDArray[np.float64]
 
-MOMENTS = 6  # inputs beside the states: bank rate, change of α, time, density, wind east and north
+# inputs beside the states: bank rate, (change of) α, its rate, time, density, wind to east and north
+MOMENTS = 7
 ENTRIES = ((0,), (0, 1), (2,))  # rates; rates and uses; specific force
 
 
@@ -106,17 +107,19 @@ def _program(structure: Hashable, is_shared: tuple[bool, ...], modulated: bool) 
     """Traced once per process, structure and choice of shared numbers."""
     recorder = Recorder()
     x, moment, numbers = (recorder.inputs(k) for k in (N_STATES, MOMENTS, len(is_shared)))
-    rate, angle, time, density, east, north = moment
+    rate, angle, angle_rate, time, density, east, north = moment
     model: FlightModel
     limits: PathLimits
     model, limits = put_together(structure, iter(numbers))
     model = _with_profiles(model, density, (east, north))
-    if modulated:
+    is_steered = model.vehicle.angle_of_attack is None
+    if modulated and not is_steered:
         error = model.angle_of_attack_offset
         model = replace(model, angle_of_attack_offset=angle if error is None else error + angle)
-    rates = equations_of_motion(model, x, rate, time)
-    uses = limits.use(model, x, rate, time)
-    felt = aerodynamic_acceleration(model, x, time)
+    state = [*x, angle] if is_steered else x
+    rates = equations_of_motion(model, state, rate, time)[:N_STATES]
+    uses = limits.use(model, state, rate, time, angle_of_attack_rate=angle_rate)
+    felt = aerodynamic_acceleration(model, state, time)
     levels = [MOMENT] * (N_STATES + MOMENTS) + [SHARED if one else FLIGHT for one in is_shared]
     graph = recorder.graph([rates, uses, felt])
     return Assembler(graph, levels, core().OPCODES).program(ENTRIES)

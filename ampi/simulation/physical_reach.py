@@ -51,7 +51,17 @@ def nearest_misses(plant: Plant, authority: Authority, banks: Array) -> Array:
         The vehicles of n flights; `modulated` if the angle of attack may change.
     banks
         Bank angles (n,) that the search begins with, rad.
+
+    Raises
+    ------
+    ValueError
+        If the angle of attack has no schedule about which it could change.
     """
+    if plant.is_steered:
+        raise ValueError(
+            "plant: expected vehicles with a schedule of the angle of attack "
+            "(vehicle.angle_of_attack), got some that steer it"
+        )
     own, n = _Search(plant, authority), len(banks)
     bound = np.repeat([authority.bank_angle, authority.angle], [N_BANKS, N_ANGLES])[:, None]
     varied = np.flatnonzero(bound[:, 0] > 0.0)

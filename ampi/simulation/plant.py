@@ -1,7 +1,8 @@
 """The plant: n vehicles in the air as it is, and what ends their flights.
 
-The equations of motion of ampi/physics, RK4, in equal steps. The bank rate and the change of the angle
-of attack are linear over a step. A flight ends where its speed reaches the target speed, at the ground
+The equations of motion of ampi/physics, RK4, in equal steps. The bank rate and the angle of attack are
+linear over a step: its change against the schedule or, of a vehicle without one, the angle itself. A
+flight ends where its speed reaches the target speed, at the ground
 or at its time limit, whichever comes first, and the instant is found in the step.
 """
 
@@ -17,7 +18,11 @@ from numpy.typing import NDArray
 from ampi.missions.family import MissionFamily
 from ampi.missions.path_limits import PathLimits
 from ampi.outcome import Outcome
-from ampi.physics.equations_of_motion import FlightModel, equations_of_motion
+from ampi.physics.equations_of_motion import (
+    FlightModel,
+    aerodynamic_acceleration,
+    equations_of_motion,
+)
 from ampi.physics.state import ALTITUDE, N_STATES, SPEED
 from ampi.physics.vehicle import AirLoads
 from ampi.propagation.fixed_step import rk4_step
@@ -25,7 +30,7 @@ from ampi.simulation.true_model import true_model
 from ampi.simulation.truth import Truth
 
 Array = NDArray[np.float64]
-RATE, ANGLE = 0, 1  # rows of what steers: bank rate, change of the angle of attack
+RATE, ANGLE = 0, 1  # rows of what steers: bank rate, (change of the) angle of attack
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -66,6 +71,11 @@ class Plant:
     modulated: bool = False  # whether the angle of attack is steered beside its schedule
 
     @cached_property
+    def is_steered(self) -> bool:
+        """Whether there is no schedule: the angle of attack is what steers."""
+        return self.model.vehicle.angle_of_attack is None
+
+    @cached_property
     def limits(self) -> PathLimits:
         """Of all flights."""
         return self.family.path_limits()
@@ -82,16 +92,32 @@ class Plant:
 
     def steered(self, angle: Any) -> FlightModel:
         """The same with the angle of attack changed by `angle` (rad)."""
-        if not self.modulated:
+        if self.is_steered or not self.modulated:
             return self.model
         error = self.model.angle_of_attack_offset
         return replace(self.model, angle_of_attack_offset=angle if error is None else error + angle)
 
+    def state(self, x: Array, angle: Any) -> Any:
+        """The state of the equations of motion: `x` (7, n), and the angle of attack if it steers."""
+        return (*x, angle) if self.is_steered else x
+
+    def air_loads(self, x: Array, steering: Array, time: Any) -> AirLoads:
+        """At states `x` (7, n)."""
+        angle = steering[ANGLE]
+        return self.steered(angle).air_loads(self.state(x, angle), time)
+
+    def acceleration(self, x: Array, steering: Array, time: Any) -> Array:
+        """What an ideal accelerometer senses (3, n), m/s²."""
+        angle = steering[ANGLE]
+        return np.stack(aerodynamic_acceleration(self.steered(angle), self.state(x, angle), time))
+
     def rates(self, x: Array, steering: Array, time: Any, air: AirLoads | None = None) -> Array:
         """Time derivatives (7, n); `air` are the air loads there, if they are known."""
-        model, out = self.steered(steering[ANGLE]), np.empty_like(x)
+        angle, out = steering[ANGLE], np.empty_like(x)
+        state = self.state(x, angle)
+        found = equations_of_motion(self.steered(angle), state, steering[RATE], time, air)
         # np.stack takes five times as long as the rows
-        for row, rate in enumerate(equations_of_motion(model, x, steering[RATE], time, air)):
+        for row, rate in enumerate(found[:N_STATES]):
             out[row] = rate
         return out
 
@@ -101,10 +127,22 @@ class Plant:
         """States (7, n) one step of `h` later; steering (2, n) is linear from `old` to `new`."""
         return rk4_step(self.rates, x, old, new, time, h, first)
 
-    def use(self, x: Array, steering: Array, time: Any, air: AirLoads | None = None) -> Array:
-        """Use of each limit (l, n)."""
-        model, out = self.steered(steering[ANGLE]), np.empty((len(self.limits.names), x.shape[1]))
-        for row, use in enumerate(self.limits.use(model, x, steering[RATE], time, air)):
+    def use(
+        self,
+        x: Array,
+        steering: Array,
+        time: Any,
+        air: AirLoads | None = None,
+        *,
+        angle_rate: Any = 0.0,
+    ) -> Array:
+        """Use of each limit (l, n); `angle_rate` (rad/s) is that of the angle of attack."""
+        angle, out = steering[ANGLE], np.empty((len(self.limits.names), x.shape[1]))
+        model, state = self.steered(angle), self.state(x, angle)
+        uses = self.limits.use(
+            model, state, steering[RATE], time, air, angle_of_attack_rate=angle_rate
+        )
+        for row, use in enumerate(uses):
             out[row] = use
         return out
 
@@ -126,7 +164,7 @@ class InFlight:
     flying: NDArray[np.bool_]  # (n,)
     final: Array  # (n, 7)
     final_time: Array  # (n,), s
-    last: Array  # (2, n): bank rate and change of the angle of attack at the end
+    last: Array  # (2, n): bank rate and angle of attack, as they steer, at the end
     status: NDArray[np.int64]  # (n,)
     peak: Array  # (l, n)
 
@@ -149,8 +187,9 @@ class InFlight:
     def advance(self, plant: Plant, old: Array, new: Array, now: float, h: float) -> None:
         """One plant step, steered linearly from `old` to `new` (2, n); some flights end in it."""
         x, flying = self.x, self.flying
-        air = plant.steered(old[ANGLE]).air_loads(x, now)
-        np.maximum(self.peak, plant.use(x, old, now, air), out=self.peak, where=flying)
+        air, angle_rate = plant.air_loads(x, old, now), (new[ANGLE] - old[ANGLE]) / h
+        use = plant.use(x, old, now, air, angle_rate=angle_rate)
+        np.maximum(self.peak, use, out=self.peak, where=flying)
         ahead = plant.advanced(x, old, new, now, h, plant.rates(x, old, now, air))
         goes_on = (ahead[SPEED] > plant.target_speed) & (ahead[ALTITUDE] >= 0.0)
         for i in np.flatnonzero(flying & ~(goes_on & (now + h < plant.longest))):

@@ -28,8 +28,11 @@ def ranges(plant: Plant, engine: str = NUMPY) -> tuple[Array, Array]:
     """Least and greatest range (m), (n,) each, of the vehicles of a plant from entry over the ground.
 
     NaN where it is unknown: of a flight that cannot begin, the greatest of one that wings level meets
-    the ground or its time limit, the least of one that does so banked to either side.
+    the ground or its time limit, the least of one that does so banked to either side; and of vehicles
+    without a schedule of the angle of attack, for none says which angle to hold.
     """
+    if plant.is_steered:
+        return np.full(len(plant.family), np.nan), np.full(len(plant.family), np.nan)
     n = len(plant.family)
     everyone = plant.take(np.tile(np.arange(n), len(BANKS)))
     flown = _flown(everyone, engine).reshape(len(BANKS), n)

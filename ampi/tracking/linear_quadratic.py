@@ -9,7 +9,7 @@ differentiates a model. The functions work on one flight or on a batch.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
 import numpy as np
@@ -56,7 +56,7 @@ class LinearQuadratic:
     name: ClassVar[str] = "linear_quadratic"
     senses: ClassVar[bool] = False
 
-    modulates: bool = False
+    modulates: bool = field(default=False, repr=False)
 
     @property
     def layout(self) -> RowLayout:

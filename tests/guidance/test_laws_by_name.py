@@ -71,9 +71,12 @@ def test_a_hole_borrows_the_rows_of_drag_too(database_file: Path) -> None:
     assert np.array_equal(table.values[2, 1], table.values[1, 1])
 
 
-@pytest.mark.parametrize("law", ["drag_sliding_mode", "drag_shuttle"])
+@pytest.mark.parametrize(
+    ("law", "modulate"),
+    [("drag_sliding_mode", True), ("drag_shuttle", False), ("drag_shuttle", True)],
+)
 def test_the_reference_s_drag_is_found_at_another_height_in_other_air(
-    mission: Mission, database_file: Path, law: str
+    mission: Mission, database_file: Path, law: str, modulate: bool
 ) -> None:
     """In the model's air, in 5 % less and in 5 % more of it; unguided they miss by 1.7, 5.4, 7.1 km."""
     drawn = load_world("entry").draw(mission, 3, 1, pool="tuning")
@@ -83,7 +86,7 @@ def test_the_reference_s_drag_is_found_at_another_height_in_other_air(
         parameters=np.tile(mission.nominal_parameters, (3, 1)),
         numbers=drawn.numbers | {"density_factor": density},
     )
-    guidance = load_guidance(database_file, mode="nominal", law=law, cycle=0.5)
+    guidance = load_guidance(database_file, mode="nominal", law=law, modulate=modulate, cycle=0.5)
     batch = fly_batch(mission.family(true.parameters), guidance, true)
     assert (batch.status == FlightStatus.REACHED_SPEED).all()
     target, end = mission.target, batch.final_states.T
@@ -91,4 +94,4 @@ def test_the_reference_s_drag_is_found_at_another_height_in_other_air(
     miss = great_circle_distance(end[1], end[2], target.longitude, target.latitude, radius)
     assert miss[0] < 2e3
     assert miss.max() < 4.5e3, miss
-    assert np.all(np.diff(end[0][[1, 0, 2]]) > 200.0), end[0]
+    assert np.all(np.diff(end[0][[1, 0, 2]]) > 50.0), end[0]

@@ -14,7 +14,7 @@ from ampi.onboard.row_layout import DRAG_TRACKING
 from ampi.physics.planet import WGS84
 from ampi.tracking.drag_reference import DragReference
 from ampi.tracking.drag_shuttle import DragShuttle
-from ampi.tracking.drag_sliding_mode import ANGLE, DISTURBANCE, DragSlidingMode
+from ampi.tracking.drag_sliding_mode import DISTURBANCE, DragSlidingMode
 from ampi.tracking.law import Told
 
 Array = NDArray[np.float64]
@@ -23,7 +23,13 @@ Law = DragSlidingMode | DragShuttle
 MU, RADIUS = WGS84.gravitational_parameter, WGS84.equatorial_radius
 SLIDING = DragSlidingMode(gravitational_parameter=MU, radius=RADIUS)
 SHUTTLE = DragShuttle(gravitational_parameter=MU, radius=RADIUS)
-LAWS = pytest.mark.parametrize("law", [SLIDING, SHUTTLE], ids=lambda law: law.name)
+MODULATING = [replace(law, modulates=True) for law in (SLIDING, SHUTTLE)]
+LAWS = pytest.mark.parametrize(
+    "law",
+    [SLIDING, SHUTTLE, *MODULATING],
+    ids=lambda law: f"{law.name}{' and angle' * law.modulates}",
+)
+MODULATING_LAWS = pytest.mark.parametrize("law", MODULATING, ids=lambda law: law.name)
 FLIGHT_PATH_ANGLE, AZIMUTH, BANK = 4, 5, 6
 STEP = 0.5
 laws = settings(deadline=None, max_examples=100)
@@ -44,7 +50,7 @@ def told(at: Array, *, drag: float = 1.0, lift: float = 1.0, **moved: float) -> 
     own = np.exp(at[DRAG_TRACKING.index("log_drag")])
     lifting = lift * own * at[DRAG_TRACKING.index("lift_to_drag")]
     sensed = np.stack([-drag * own, lifting * np.cos(states[BANK]), lifting * np.sin(states[BANK])])
-    return Told(states, sensed, STEP)
+    return Told(states, sensed, STEP, np.zeros(at.shape[1]))
 
 
 def asked(law: Law, at: Array, now: Told) -> tuple[float, float]:
@@ -81,31 +87,46 @@ def test_too_much_drag_and_too_steep_a_descent_ask_for_lift_upwards(law: Law, ba
         assert rate * np.sign(bank) * (-1.0 if upwards else 1.0) > 1e-4
 
 
-def test_the_angle_of_attack_answers_the_drag_within_its_size_and_rate() -> None:
-    at = reference()
-    for drag, sign in ((1.05, -1.0), (0.95, 1.0), (3.0, -1.0), (0.2, 1.0)):
-        memory, before = SLIDING.memory(1), 0.0
-        for _ in range(30):
-            _, angle = SLIDING.command(at, replace(told(at, drag=drag), step=0.1), memory)
-            assert abs(angle[0] - before) <= SLIDING.angle_rate * 0.1 + 1e-15
-            assert abs(angle[0]) <= SLIDING.most_angle + 1e-15
-            assert angle[0] * sign >= 0.0
-            before = float(angle[0])
-    assert before == pytest.approx(SLIDING.most_angle)
+def test_a_law_that_does_not_modulate_leaves_the_angle_of_attack() -> None:
+    for law in (SLIDING, SHUTTLE):
+        assert asked(law, reference(), told(reference(), drag=1.05))[1] == 0.0
 
 
-def test_a_small_error_of_drag_is_answered_whole_if_there_is_lift_to_spare() -> None:
+@MODULATING_LAWS
+def test_a_small_error_of_drag_is_answered_whole_if_there_is_lift_to_spare(law: Law) -> None:
     """δα = −e/slope; with the lift upwards already none is given away."""
-    at, memory = reference(bank=0.6), SLIDING.memory(1)
-    e = 0.02
-    _, angle = SLIDING.command(at, told(at, drag=np.exp(e)), memory)
-    assert angle[0] == pytest.approx(-e / 5.0, rel=1e-12)
-    # flown: the drag is the reference's, and the error without δα is still e
-    _, angle = SLIDING.command(at, told(at), memory)
-    assert angle[0] == pytest.approx(-e / 5.0, rel=1e-12)
+    at, memory = reference(bank=0.6), law.memory(1)
+    for e in (0.02, -0.02):
+        _, angle = law.command(at, told(at, drag=np.exp(e)), memory)
+        assert angle[0] == pytest.approx(-e / 5.0, rel=1e-12)
+        # flown: the drag is the reference's, and the error without δα is still e
+        flown = replace(told(at), change=np.array([-e / 5.0]))
+        assert law.command(at, flown, memory)[1][0] == pytest.approx(-e / 5.0, rel=1e-12)
     level = reference(bank=0.0)
     level[FLIGHT_PATH_ANGLE] = 0.0
-    assert asked(SLIDING, level, told(level, drag=1.2))[1] == 0.0
+    assert asked(law, level, told(level, drag=1.2))[1] == 0.0
+    assert asked(law, level, told(level, drag=0.9))[1] > 0.0
+
+
+@MODULATING_LAWS
+def test_where_the_drag_answers_no_angle_or_is_not_felt_none_is_asked_for(law: Law) -> None:
+    flat, thin = reference(), reference()
+    flat[DRAG_TRACKING.index("drag_slope")] = 0.05
+    thin[DRAG_TRACKING.index("log_drag")] = np.log(0.4)
+    assert asked(law, flat, told(flat, drag=1.1))[1] == 0.0
+    assert asked(law, thin, told(thin, drag=1.1))[1] == 0.0
+
+
+def test_the_bank_angle_of_the_shuttle_s_law_answers_the_drag_without_the_change() -> None:
+    """What δα has taken away is still an error that the bank angle is to remove."""
+    at = reference(bank=0.6, bank_rate=0.0)
+    at[FLIGHT_PATH_ANGLE] = 0.0
+    _, modulating = MODULATING
+    flown = replace(told(at), change=np.array([-0.02]))
+    rate, _ = asked(modulating, at, flown)
+    alone, _ = asked(SHUTTLE, at, told(at, drag=np.exp(0.1), lift=np.exp(0.1)))
+    assert rate == pytest.approx(alone, rel=1e-9)
+    assert rate < -1e-3
 
 
 def test_the_observer_finds_a_constant_disturbance_under_a_known_input() -> None:
@@ -167,7 +188,9 @@ def test_a_batch_is_its_flights_to_the_bit(law: Law, seed: int, n: int) -> None:
         both = np.stack(law.command(at, now, memory))
         for i, own in enumerate(alone):
             one = slice(i, i + 1)
-            part = Told(now.state[:, one].copy(), now.sensed[:, one].copy(), now.step)
+            part = Told(
+                now.state[:, one].copy(), now.sensed[:, one].copy(), now.step, now.change[one]
+            )
             single = np.stack(law.command(at[:, one].copy(), part, own))
             assert np.array_equal(both[:, one], single)
             assert np.array_equal(memory[:, one], own)
@@ -178,7 +201,7 @@ def random_flights(seed: int, n: int) -> tuple[Array, Told]:
     at = reference(n) * rng.uniform(0.8, 1.2, (len(DRAG_TRACKING), n))
     sizes = np.array([1e3, 0.01, 0.01, 50.0, 0.02, 0.05, 0.5])[:, None]
     state = at[DRAG_TRACKING.states] + sizes * rng.standard_normal((7, n))
-    return at, Told(state, rng.normal(0.0, 10.0, (3, n)), STEP)
+    return at, Told(state, rng.normal(0.0, 10.0, (3, n)), STEP, rng.uniform(-0.1, 0.1, n))
 
 
 @LAWS
@@ -211,14 +234,6 @@ def test_states_that_are_none_poison_neither_command_nor_memory(
         rate, angle = law.command(at, lost, memory)
     assert np.isfinite([rate[0], angle[0]]).all()
     assert np.isfinite(memory).all()
-
-
-def test_what_is_remembered_is_kept_in_place() -> None:
-    at, memory = reference(), SLIDING.memory(1)
-    _, angle = SLIDING.command(at, told(at, drag=1.02), memory)
-    assert memory[ANGLE, 0] == angle[0]
-    angle[0] = 1.0  # the command is the caller's
-    assert memory[ANGLE, 0] != 1.0
 
 
 def rows_of_an_entry(n: int = 60) -> tuple[Array, Array]:

@@ -79,6 +79,7 @@ typedef struct {
     struct {
         double limit[3], cycle; /* bank angle, rate, acceleration; s, nominal */
         double modulation[3];   /* the same of the change of the angle of attack; 0: there is none */
+        double angle[2];        /* rad: the angle of attack itself, least and greatest */
         double middle[AMPI_N_STATES], reach[AMPI_N_STATES]; /* plausible: |x - middle| <= reach */
         double gain[AMPI_N_GAINS];                          /* of the law */
     } set;

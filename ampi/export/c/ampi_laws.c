@@ -7,7 +7,7 @@
 #define LEAST_SLOPE 0.1   /* 1/rad: an angle of attack that changes the drag less is left alone */
 
 enum { /* gains, as ampi/export/blob.py writes them: of both drag laws, then of the one */
-    MU = 0, RADIUS, FELT_DRAG, ANGLE_GAIN, DEADBAND, LEAST_RANGE, TURN_RATE, BRAKING, DRAG_GAIN, DESCENT_GAIN,
+    MU = 0, RADIUS, FELT_DRAG, DEADBAND, LEAST_RANGE, TURN_RATE, BRAKING, DRAG_GAIN, DESCENT_GAIN,
     LAMBDA = DRAG_GAIN, REACHING, SWITCHING, BOUNDARY, BANDWIDTH, MOST_DISTURBANCE
 };
 enum { TURNING = 0, SURFACE, DISTURBANCE }; /* memory of the drag laws */
@@ -56,18 +56,18 @@ static double energy_lost(const double *gain, double altitude, double speed)
 
 void ampi_along(const ampi_table *table, const ampi_reference *reference, double *along)
 {
-    ampi_real points[(LOG_DRAG + 1) * AMPI_CHUNK];
+    double points[(LOG_DRAG + 1) * AMPI_CHUNK];
     double furthest = -HUGE_VAL;
     bool is_felt = false;
     size_t s, first, size, j, done = 0u;
 
     for (s = 0u; s < table->n.segments; s++) {
         for (first = 0u; first < table->segment[s].points; first += size) {
-            size = ampi_chunk(table, reference, s, first, LOG_DRAG + 1, points);
+            size = ampi_chunk(table, reference, s, first, LOG_DRAG + 1, points, AMPI_CHUNK);
             for (j = 0u; j < size; j++) {
-                const double altitude = (double)points[ALTITUDE * AMPI_CHUNK + j];
-                const double speed = (double)points[SPEED * AMPI_CHUNK + j];
-                const double drag = exp((double)points[LOG_DRAG * AMPI_CHUNK + j]);
+                const double altitude = points[ALTITUDE * AMPI_CHUNK + j];
+                const double speed = points[SPEED * AMPI_CHUNK + j];
+                const double drag = exp(points[LOG_DRAG * AMPI_CHUNK + j]);
                 const double time = time_of(table, reference->final_time, done);
                 is_felt = is_felt || (drag > table->set.gain[FELT_DRAG]);
                 furthest = most(furthest, is_felt ? energy_lost(table->set.gain, altitude, speed)
@@ -191,7 +191,7 @@ static double modulation(const double *gain, const double *at, accelerations fel
                          double cosine)
 {
     const double steep = most(at[DRAG_SLOPE], LEAST_SLOPE);
-    const double wanted = most(-gain[ANGLE_GAIN] * error, -most(1.0 - cosine, 0.0)) / steep;
+    const double wanted = most(-error, -most(1.0 - cosine, 0.0)) / steep;
     const bool acts = (felt.drag > gain[FELT_DRAG]) & (at[DRAG_SLOPE] >= LEAST_SLOPE)
                       & (fabs(cosine) < HUGE_VAL);
     return chosen(acts, wanted, 0.0);
@@ -243,10 +243,8 @@ static double drag_sliding_mode(ampi_guidance *guidance, const ampi_table *table
     asked = gain[REACHING] * s + gain[SWITCHING] * s / (fabs(s) + gain[BOUNDARY]);
     asked = memory[DISTURBANCE] + drag * (gain[LAMBDA] * rate + asked);
     cosine = (vertical + asked / authority) / felt.lift; /* Eq. (4) */
-    *angle = 0.0;
-    if (table->n.modulates != 0u) {
-        *angle = modulation(gain, at, felt, error, chosen(is_acting, cosine, AMPI_NAN));
-    }
+    *angle = modulation(gain, at, felt, error, chosen(is_acting, cosine, AMPI_NAN));
+    *angle = chosen(table->n.modulates != 0u, *angle, 0.0);
     return steered(gain, at, state, felt, cosine, &memory[TURNING]);
 }
 

@@ -77,9 +77,9 @@ uint32_t ampi_crc_32(const unsigned char *bytes, size_t begin, size_t end);
 void ampi_row_at(const ampi_table *table, const ampi_reference *reference, double time, double *row);
 
 /* The first `count` rows at high-density points of segment s, from its point `first` on, as many as
-   are left of it or fit: [count][AMPI_CHUNK]. Returns how many. */
+   are left of it or fit: [count][stride]. Returns how many. */
 size_t ampi_chunk(const ampi_table *table, const ampi_reference *reference, size_t s, size_t first,
-                  size_t count, ampi_real *points);
+                  size_t count, double *points, size_t stride);
 
 /* What a drag law looks up by, increasing: [points]. */
 void ampi_along(const ampi_table *table, const ampi_reference *reference, double *along);

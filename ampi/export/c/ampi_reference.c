@@ -6,6 +6,7 @@
 #define FAR_OUT 0.2 /* of an axis' range: further outside, the boundary trajectory is not near */
 #define ROUNDING 3.552713678800501e-15 /* 16 eps: an edge in another unit differs in the last digits */
 #define WIDEST 4u
+#define TOGETHER 4u /* vertices that are added at once */
 
 typedef struct { /* of one axis: what it weighs from its point `first` on */
     size_t first, width;
@@ -87,30 +88,50 @@ static factor correction_of(const ampi_table *table, size_t axis, double inside,
     return correction;
 }
 
-/* row += w T_v over all columns. */
-static void add_vertex(const ampi_table *table, size_t vertex, ampi_real weight, ampi_real *row)
+static float float32_at(const unsigned char *values, size_t i)
+{
+    float value;
+    (void)memcpy(&value, &values[i * sizeof value], sizeof value);
+    return value;
+}
+
+static int16_t int16_at(const unsigned char *values, size_t i)
+{
+    int16_t value;
+    (void)memcpy(&value, &values[i * sizeof value], sizeof value);
+    return value;
+}
+
+/* row += w T_v over all columns, of four vertices: a quarter of the loads and stores of the row. */
+static void add_vertices(const ampi_table *table, const size_t *vertex, const ampi_real *weight,
+                         ampi_real *row)
 {
     const unsigned char *values = &table->blob[table->values];
-    const size_t n = table->columns, begin = vertex * n;
-    double float64;
-    float float32;
-    int16_t int16;
-    size_t c;
+    const size_t n = table->columns, places = table->values;
+    const size_t at[TOGETHER] = {vertex[0] * n, vertex[1] * n, vertex[2] * n, vertex[3] * n};
+    const ampi_real a = weight[0], b = weight[1], c = weight[2], d = weight[3];
+    size_t i;
 
     if (table->n.kind == AMPI_FLOAT64) {
-        for (c = 0u; c < n; c++) {
-            (void)memcpy(&float64, &values[(begin + c) * sizeof float64], sizeof float64);
-            row[c] += weight * (ampi_real)float64;
+        for (i = 0u; i < n; i++) {
+            row[i] = (((row[i] + a * (ampi_real)number(table, places, at[0] + i))
+                       + b * (ampi_real)number(table, places, at[1] + i))
+                      + c * (ampi_real)number(table, places, at[2] + i))
+                     + d * (ampi_real)number(table, places, at[3] + i);
         }
     } else if (table->n.kind == AMPI_FLOAT32) {
-        for (c = 0u; c < n; c++) {
-            (void)memcpy(&float32, &values[(begin + c) * sizeof float32], sizeof float32);
-            row[c] += weight * (ampi_real)float32;
+        for (i = 0u; i < n; i++) {
+            row[i] = (((row[i] + a * (ampi_real)float32_at(values, at[0] + i))
+                       + b * (ampi_real)float32_at(values, at[1] + i))
+                      + c * (ampi_real)float32_at(values, at[2] + i))
+                     + d * (ampi_real)float32_at(values, at[3] + i);
         }
     } else {
-        for (c = 0u; c < n; c++) {
-            (void)memcpy(&int16, &values[(begin + c) * sizeof int16], sizeof int16);
-            row[c] += weight * (ampi_real)int16;
+        for (i = 0u; i < n; i++) {
+            row[i] = (((row[i] + a * (ampi_real)int16_at(values, at[0] + i))
+                       + b * (ampi_real)int16_at(values, at[1] + i))
+                      + c * (ampi_real)int16_at(values, at[2] + i))
+                     + d * (ampi_real)int16_at(values, at[3] + i);
         }
     }
 }
@@ -120,7 +141,9 @@ static void add_product(const ampi_table *table, const factor *factors, ampi_ref
 {
     const size_t d = table->n.axes;
     size_t digit[AMPI_MAX_AXES] = {0u}, vertex[AMPI_MAX_AXES + 1u] = {0u}, window = 1u, from = 0u, i, v;
+    size_t vertices[TOGETHER] = {0u}; /* of the last four some with weight 0 */
     double weight[AMPI_MAX_AXES + 1u] = {1.0};
+    ampi_real weights[TOGETHER] = {(ampi_real)0};
 
     for (i = 0u; i < d; i++) { window *= factors[i].width; }
     for (v = 0u; v < window; v++) {
@@ -128,7 +151,12 @@ static void add_product(const ampi_table *table, const factor *factors, ampi_ref
             weight[i + 1u] = weight[i] * factors[i].weight[digit[i]];
             vertex[i + 1u] = vertex[i] + (factors[i].first + digit[i]) * table->stride[i];
         }
-        add_vertex(table, vertex[d], (ampi_real)weight[d], reference->rows);
+        vertices[v % TOGETHER] = vertex[d];
+        weights[v % TOGETHER] = (ampi_real)weight[d];
+        if ((((v + 1u) % TOGETHER) == 0u) || ((v + 1u) == window)) {
+            add_vertices(table, vertices, weights, reference->rows);
+            (void)memset(weights, 0, sizeof weights);
+        }
         if ((table->holes != 0u) && (weight[d] != 0.0)) {
             reference->hole |= table->blob[table->holes + vertex[d]];
         }
@@ -197,31 +225,38 @@ void ampi_reference_at(const ampi_table *table, const double *parameters, ampi_r
 }
 
 size_t ampi_chunk(const ampi_table *table, const ampi_reference *reference, size_t s, size_t first,
-                  size_t count, ampi_real *points)
+                  size_t count, double *points, size_t stride)
 {
-    const size_t nodes = table->segment[s].nodes, m = table->segment[s].points, rows = table->n.rows;
-    const size_t size = smaller(AMPI_CHUNK, m - first);
-    ampi_real matrix[AMPI_MAX_DEGREE_NODES][AMPI_CHUNK];
+    const size_t last = table->segment[s].nodes - 1u, m = table->segment[s].points;
+    const size_t rows = table->n.rows, size = smaller(AMPI_CHUNK, m - first);
+    ampi_real matrix[AMPI_MAX_DEGREE_NODES][AMPI_CHUNK], sum[AMPI_CHUNK];
     size_t i, j, r;
 
-    for (i = 0u; i < nodes; i++) {
+    for (i = 0u; i <= last; i++) {
         for (j = 0u; j < size; j++) {
             matrix[i][j] = (ampi_real)number(table, table->matrix[s], i * m + first + j);
         }
+        for (; j < AMPI_CHUNK; j++) { matrix[i][j] = (ampi_real)0; }
     }
-    for (r = 0u; r < count; r++) {
+    for (r = 0u; r < count; r++) { /* a whole chunk each time: loops of constant length are vectors */
         const ampi_real *value = &reference->rows[table->first_node[s] * rows + r];
-        ampi_real *sum = &points[r * AMPI_CHUNK];
-        for (j = 0u; j < size; j++) { sum[j] = (ampi_real)0; }
-        for (i = 0u; (i + 2u) < nodes; i += 3u) { /* three at once: a third of the loads and stores */
-            const ampi_real a = value[i * rows], b = value[(i + 1u) * rows], c = value[(i + 2u) * rows];
-            for (j = 0u; j < size; j++) {
-                sum[j] = ((sum[j] + a * matrix[i][j]) + b * matrix[i + 1u][j]) + c * matrix[i + 2u][j];
+        const ampi_real begin = value[0], end = value[last * rows];
+        for (j = 0u; j < AMPI_CHUNK; j++) { sum[j] = begin * matrix[0][j]; }
+        for (i = 1u; (i + 3u) < last; i += 4u) { /* four at once: a quarter of the loads and stores */
+            const ampi_real a = value[i * rows], b = value[(i + 1u) * rows];
+            const ampi_real c = value[(i + 2u) * rows], d = value[(i + 3u) * rows];
+            for (j = 0u; j < AMPI_CHUNK; j++) {
+                sum[j] = (((sum[j] + a * matrix[i][j]) + b * matrix[i + 1u][j])
+                          + c * matrix[i + 2u][j]) + d * matrix[i + 3u][j];
             }
         }
-        for (; i < nodes; i++) {
+        for (; i < last; i++) {
             const ampi_real a = value[i * rows];
-            for (j = 0u; j < size; j++) { sum[j] += a * matrix[i][j]; }
+            for (j = 0u; j < AMPI_CHUNK; j++) { sum[j] += a * matrix[i][j]; }
+        }
+        for (j = 0u; j < size; j++) {
+            const ampi_real whole = sum[j] + end * matrix[last][j];
+            points[r * stride + j] = (double)whole;
         }
     }
     return size;
@@ -230,20 +265,14 @@ size_t ampi_chunk(const ampi_table *table, const ampi_reference *reference, size
 void ampi_reference_high_density(const ampi_table *table, const ampi_reference *reference,
                                  double *times, double *rows)
 {
-    ampi_real points[AMPI_MAX_ROWS * AMPI_CHUNK];
     const size_t m = table->n.points;
-    size_t s, first, size, r, j, done = 0u;
+    size_t s, first, size, j, done = 0u;
 
     if ((table->is_open != AMPI_OPEN) || (reference->checksum != table->checksum)) { return; }
     for (j = 0u; j < m; j++) { times[j] = time_of(table, reference->final_time, j); }
     for (s = 0u; s < table->n.segments; s++) {
         for (first = 0u; first < table->segment[s].points; first += size) {
-            size = ampi_chunk(table, reference, s, first, table->n.rows, points);
-            for (r = 0u; r < table->n.rows; r++) {
-                for (j = 0u; j < size; j++) {
-                    rows[r * m + done + j] = (double)points[r * AMPI_CHUNK + j];
-                }
-            }
+            size = ampi_chunk(table, reference, s, first, table->n.rows, &rows[done], m);
             done += size;
         }
     }

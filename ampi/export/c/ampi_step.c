@@ -239,7 +239,10 @@ ampi_command ampi_guidance_step(ampi_guidance *guidance, const ampi_table *table
     guidance->bank = bank + 0.5 * (rate + guidance->rate) * guidance->expected;
     if (table->set.modulation[0] > 0.0) { modulate(guidance, table->set.modulation, angle); }
     guidance->angle = guidance->change;
-    if (table->angle_row != 0u) { guidance->angle = guidance->row[table->angle_row] + guidance->change; }
+    if (table->angle_row != 0u) {
+        guidance->angle = clipped(guidance->row[table->angle_row] + guidance->change,
+                                  table->set.angle[0], table->set.angle[1]);
+    }
     command.bank_rate = guidance->rate;
     command.bank_angle = guidance->bank;
     command.angle_of_attack = guidance->angle;
