@@ -351,6 +351,8 @@ class NewtonIteration:
 
     def solutions(self, cases: Cases, everyone: int) -> Iterator[tuple[int, Trajectory]]:
         """(place, solution) of those of the converged `cases` that meet the target."""
+        if not len(cases):
+            return
         seconds = (time.perf_counter() - self.began) / everyone
         rates, costs = self.points.rate(cases), self.points.cost(cases).tolist()
         for case, rate, cost in zip(cases.tolist(), rates, costs, strict=True):
