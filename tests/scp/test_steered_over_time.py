@@ -13,8 +13,7 @@ import numpy as np
 import pytest
 
 from ampi.missions import Mission, load_mission
-from ampi.physics.planet import cross_range_angle
-from ampi.physics.state import ALTITUDE, ANGLE_OF_ATTACK, BANK, LATITUDE, LONGITUDE, SPEED
+from ampi.physics.state import ALTITUDE, ANGLE_OF_ATTACK, BANK, SPEED
 from ampi.scp.literature.collocation import radau
 from ampi.scp.literature.methods import METHODS, Solution, _assemble, solve_by
 from ampi.scp.literature.sparse_subproblem import solve_sparse_subproblem
@@ -145,17 +144,6 @@ def test_a_descent_keeps_its_angle_of_attack_up_to_the_handover() -> None:
     flight = form.trajectory(at.mesh, at.states, at.controls, at.final)
     assert flight.angle_of_attack_rate is not None
     assert flight.states.shape == (8, len(flight.angle_of_attack_rate))
-
-
-@pytest.mark.slow
-def test_the_space_shuttle_flies_as_far_across_as_betts_says() -> None:
-    mission = load_mission("shuttle_betts2010")
-    flight = solve(mission, method="wang2020")
-    assert flight.status.converged
-    entry, final = mission.entry, flight.states[:, -1]
-    start = (entry.longitude, entry.latitude, entry.azimuth)
-    across = cross_range_angle(*start, final[LONGITUDE], final[LATITUDE])
-    assert across == pytest.approx(30.6255 * DEGREE, abs=1e-3 * DEGREE)
 
 
 @pytest.mark.parametrize(
