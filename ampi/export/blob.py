@@ -55,6 +55,7 @@ KINDS: tuple[Kind, ...] = get_args(Kind)
 MAGIC = b"\x89AMPI\r\n\x1a"
 BYTE_ORDER_MARK, FORMAT = 0x01020304, 2
 HEADER, SIZES = 32, 64  # bytes
+AXIS, SEGMENT = 40, 48  # of one
 TEXT = 14  # place of its length among the sizes
 N_GAINS = 16
 ANY_ANGLE = (-np.pi, np.pi)
@@ -282,7 +283,7 @@ def _gains(law: TrackingLaw) -> list[float]:
     if not isinstance(law, DragReference):
         return []
     lateral = law.lateral
-    gains = [law.gravitational_parameter, law.radius, law.felt_drag, law.angle_gain]
+    gains = [law.gravitational_parameter, law.radius, law.felt_drag]
     gains += [lateral.deadband, lateral.least_range, lateral.turning, lateral.braking]
     if isinstance(law, DragShuttle):
         gains += [law.drag_gain, law.descent_gain]

@@ -5,7 +5,8 @@ Nothing in it depends on data but the values, so a call is a sum over the sizes 
     reference = vertices (a columns + 105) + 450 axes,                                             (1)
     step = b + 14 segments + widest (26 + 13 ⌈rows/4⌉) + 11 ⌈log₂ points⌉,                         (2)
 
-with a by the type of the values, b by the law, and the last term of the laws that look up by energy. The
+with a by the type of the values, b by the law and by whether it changes the angle of attack, and the last
+term of the laws that look up by energy. The
 numbers are those that callgrind counts of gcc 12, -O2, on x86-64, rounded up by some hundredths;
 `make flight-code` fails where a count lies above them, or a fifth below.
 """
@@ -16,11 +17,17 @@ import math
 import struct
 from dataclasses import dataclass
 
-from ampi.export.blob import HEADER, KINDS, LAWS, blob_vertices
+from ampi.export.blob import AXIS, HEADER, KINDS, LAWS, SEGMENT, SIZES, TEXT, blob_vertices
 
 A_VALUE = {"float64": 4, "float32": 5, "int16": 6}  # of a vertex; int16 is mapped once, too
 A_LAW = {"linear_quadratic": 1370, "drag_shuttle": 1850, "drag_sliding_mode": 2100}
 MAPPED = 8  # of a column
+MODULATED = {
+    "linear_quadratic": 60,
+    "drag_shuttle": 60,
+    "drag_sliding_mode": 0,
+}  # of a law that does
+LIMITED = 100  # of the limiter of the angle of attack
 LIBRARY = 800  # of exp, expm1, log, sin, cos, acos in a step of a drag law, glibc's
 
 
@@ -38,10 +45,14 @@ class InstructionBounds:
         kind, number, axes, rows, nodes, points, segments, widest = struct.unpack_from(
             "<8I", blob, HEADER
         )
+        text, modulates = struct.unpack_from("<2I", blob, HEADER + 4 * TEXT)
+        settings = HEADER + SIZES + -(-text // 8) * 8 + AXIS * axes + SEGMENT * segments
+        (change,) = struct.unpack_from("<d", blob, settings + 8 * 4)
         law, columns = LAWS[number].name, rows * nodes + 1
         stored = KINDS[kind]
         reference = blob_vertices(blob) * (A_VALUE[stored] * columns + 105) + 450 * axes
         step = A_LAW[law] + 14 * segments + widest * (26 + 13 * -(-rows // 4))
+        step += modulates * MODULATED[law] + LIMITED * (change > 0.0)
         is_by_energy = law != "linear_quadratic"
         return cls(
             reference=reference + (MAPPED * columns if stored == "int16" else 0),

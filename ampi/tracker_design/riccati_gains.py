@@ -31,6 +31,8 @@ running cost, and d δα to the rate of the miss:
 
 The second term of R_α takes the angle out of the last seconds. It acts at once, so without that term
 K_α would grow like 1/(t_f − t), faster than a vehicle can turn and than nodes seconds apart can say.
+Both sizes are chosen by campaigns in a wrong world: of 200 flights of SHEFEX-3, 27 optima, 24 % pass by
+the bank alone, 52 % with 0.3° and no T, 70 to 76 % with 2 to 3° and 40 to 60 s.
 The flows of both controls commute, so one after the other they are still exact. The bank rate's gains
 are then others, smaller: it leaves to the angle of attack what that does cheaper.
 
@@ -82,8 +84,8 @@ class GainSettings:
 class SteeringSettings(GainSettings):
     """The same for Eq. (4), where the angle of attack may leave its reference."""
 
-    angle_of_attack_change: float = 2.0 * DEGREE  # rad over the whole flight
-    last_seconds: float = 20.0  # s, T of Eq. (4)
+    angle_of_attack_change: float = 3.0 * DEGREE  # rad over the whole flight
+    last_seconds: float = 60.0  # s, T of Eq. (4)
 
 
 def vertex_gains(

@@ -19,7 +19,7 @@ that turns back, until half of the deadband is reached.
 
 Bank is slow: in thin air the answer takes a minute. The drag itself answers the angle of attack at once,
 
-    δα = −κ e / (∂ ln D/∂α),   e = ln D − ln D_ref,                                   (3)
+    δα = −e / (∂ ln D/∂α),   e = ln D − ln D_ref,                                     (3)
 
 of the drag D that the vehicle would have without δα: so the drag, and with it the range, is near the
 reference's while the bank brings e back, and δα with it. A smaller angle takes away lift about as it
@@ -118,7 +118,6 @@ class DragReference:
     gravitational_parameter: float  # m³/s², of the planet
     radius: float  # m, from which altitudes count
     modulates: bool = False  # whether the angle of attack answers the drag, Eq. (3)
-    angle_gain: float = 1.0  # κ
     felt_drag: float = 0.5  # m/s²: above it (0.05 g) the air is felt
     lateral: LateralLogic = LateralLogic()
 
@@ -154,7 +153,7 @@ class DragReference:
         slope = at[DRAG_SLOPE]
         steep = np.maximum(slope, LEAST_SLOPE)
         acts = (sensed.drag > self.felt_drag) & (slope >= LEAST_SLOPE) & np.isfinite(cosine)
-        wanted = np.maximum(-self.angle_gain * error, -np.maximum(1.0 - cosine, 0.0)) / steep
+        wanted = np.maximum(-error, -np.maximum(1.0 - cosine, 0.0)) / steep
         return np.where(acts, wanted, 0.0)
 
     def steered(self, at: Array, told: Told, size: Array, turning: Array) -> Array:

@@ -16,12 +16,20 @@ from tests.support.flight_code import FlightCode
 @pytest.mark.parametrize("cycle", [None, 0.5])
 @pytest.mark.parametrize(
     ("law", "error"),
-    [("linear_quadratic", 0.0), ("drag_shuttle", 1e-11), ("drag_sliding_mode", 1e-11)],
+    [
+        ("linear_quadratic", 0.0),
+        ("drag_shuttle", 1e-11),
+        ("drag_sliding_mode", 1e-11),
+        ("linear_steered", 0.0),
+        ("shuttle_steered", 1e-11),
+        ("sliding_steered", 1e-11),
+    ],
 )
 def test_every_command_is_that_of_the_numpy_guidance(
     code: ctypes.CDLL, entry: LawMaker, law: str, error: float, cycle: float | None
 ) -> None:
-    guidance = entry(law, cycle=cycle, limit_axes={"angle": 2})
+    is_steered = law.endswith("steered") and cycle is None
+    guidance = entry(law, is_steered, cycle=cycle, limit_axes={"angle": 2})
     flight = FlightCode(code, blob_of(guidance))
     rng = np.random.default_rng(17)
     told = set()
@@ -31,7 +39,7 @@ def test_every_command_is_that_of_the_numpy_guidance(
         guidance.begin(p)
         flight.begin(p)
         times, navigation, sensed = recorded(guidance, p, rng, 120)
-        felt = None if law == "linear_quadratic" or i % 7 == 0 else sensed
+        felt = None if law.startswith("linear") or i % 7 == 0 else sensed
         numbers, flags = numpy_commands(guidance, times, navigation, felt)
         commands = flight.fly(times, navigation, felt)
         assert commands["steering"].tolist() == flags[:, 0].tolist()

@@ -19,7 +19,7 @@ from ampi.export.blob import _segments_of_points
 from ampi.guidance import Guidance
 from ampi.onboard.subspace import Order
 from ampi.pseudospectral.mesh import Mesh, Phase
-from tests.export.conftest import LAWS, LIMITS, entry_table
+from tests.export.conftest import ANGLES, LAWS, LIMITS, MODULATION, entry_table
 from tests.support.flight_blobs import blob_of, numpy_commands, recorded, some_parameters
 
 Array = NDArray[np.float64]
@@ -30,11 +30,11 @@ OK, TRUNCATED, FOREIGN, BYTE_ORDER, VERSION, CHECKSUM, TOO_LARGE, INCONSISTENT =
 # name: law, mode, orders, type of the values, its error as share of a row's largest value
 CASES = {
     "linear": ("linear_quadratic", "ampi", None, "float64", 1e-14),
-    "curved": ("linear_quadratic", "ampi", ("cubic", "quadratic", "nearest"), "float32", 1e-6),
+    "curved": ("linear_steered", "ampi", ("cubic", "quadratic", "nearest"), "float32", 1e-6),
     "bent": ("linear_quadratic", "second_differences", None, "int16", 5e-4),
     "nominal": ("drag_shuttle", "nominal", None, "float64", 1e-14),
-    "shuttle": ("drag_shuttle", "ampi", ("quadratic", "cubic", "linear"), "float64", 1e-14),
-    "sliding": ("drag_sliding_mode", "ampi", ("second_differences",) * 3, "float64", 1e-14),
+    "shuttle": ("shuttle_steered", "ampi", ("quadratic", "cubic", "linear"), "float64", 1e-14),
+    "sliding": ("sliding_steered", "ampi", ("second_differences",) * 3, "float64", 1e-14),
 }
 
 
@@ -47,7 +47,8 @@ def guidance_of(name: str) -> Guidance:
     """One of `CASES`, each with something of its own: holes, limits that are parameters, few points."""
     law, mode, names, _, _ = CASES[name]
     orders = None if names is None else tuple(Order(each) for each in names)
-    table = entry_table(LAWS[law], (4, 3, 1) if name == "shuttle" else (4, 3, 2))
+    shape = (4, 3, 1) if name == "shuttle" else (4, 3, 2)
+    table = entry_table(LAWS[law], shape, is_steered=name == "curved")
     if name in ("curved", "sliding"):
         if name == "sliding":  # beyond it the angle of attack does not change the drag
             values = table.values.copy()
@@ -56,9 +57,13 @@ def guidance_of(name: str) -> Guidance:
         solved = np.random.default_rng(3).random(table.final_time.shape) < 0.8
         return Guidance(
             replace(table, solved=solved), LIMITS, mode, law=LAWS[law], orders=orders,
-            limit_axes={"angle": 2}, engine="numpy",
+            limit_axes={"angle": 2}, engine="numpy", modulation=MODULATION,
+            angles=ANGLES if name == "curved" else None,
         )  # fmt: skip
-    return Guidance(table, LIMITS, mode, law=LAWS[law], orders=orders, cycle=0.5, engine="numpy")
+    return Guidance(
+        table, LIMITS, mode, law=LAWS[law], orders=orders, cycle=0.5, engine="numpy",
+        modulation=MODULATION,
+    )  # fmt: skip
 
 
 def references(guidance: Guidance, rng: np.random.Generator) -> Iterator[Array]:
@@ -117,10 +122,11 @@ def damages(guidance: Guidance, blob: bytes) -> Iterator[tuple[int, bytes, int, 
         yield segments, word.pack(value), 1, INCONSISTENT
     yield segments + 4, word.pack(1), 1, INCONSISTENT
     settings = segments + SEGMENT * len(table.segments)
-    for i, value in ((0, -1.0), (1, 0.0), (2, np.nan), (3, 1e-4), (5, np.inf)):
+    change = 0.0 if guidance.modulates else 1.0  # of size alone, or of all but that
+    for i, value in ((0, -1.0), (1, 0.0), (2, np.nan), (3, 1e-4), (4, change), (5, np.inf)):
         yield settings + 8 * i, real.pack(value), 1, INCONSISTENT
     if len(guidance.table.axes[0]) > 1 and guidance.mode.value != "nominal":
-        yield settings + 8 * 34 + 8, real.pack(-1e9), 1, INCONSISTENT
+        yield settings + 8 * 39 + 8, real.pack(-1e9), 1, INCONSISTENT
     end = len(blob) - (0 if table.solved is None else -(-table.final_time.size // 8) * 8)
     kind = word.unpack_from(blob, HEADER)[0]
     if kind < 2:
@@ -169,7 +175,7 @@ def write(folder: Path) -> None:
         (folder / f"{name}.cases").write_bytes(numbers.astype("<f8").tobytes())
     for name, law in LONG.items():
         table = entry_table(LAWS[law], (2, 2, 2), LONG_MESH, 591)
-        blob = Guidance(table, LIMITS, law=LAWS[law], engine="numpy").blob()
+        blob = Guidance(table, LIMITS, law=LAWS[law], engine="numpy", modulation=MODULATION).blob()
         (folder / f"{name}.blob").write_bytes(blob)
 
 

@@ -52,7 +52,7 @@ def recorded(
         2.0 * np.pi * rng.integers(-4, 5, (n, 3)) * (rng.random((n, 3)) < 0.1)
     )
     drag = np.ones(n)
-    if layout == DRAG_TRACKING:
+    if layout in (DRAG_TRACKING, DRAG_TRACKING.with_angle_of_attack):
         log_drag = reference.rows[layout.index("log_drag")]
         drag = np.exp(np.interp(times, reference.times, log_drag)) * rng.uniform(0.8, 1.2, n)
     bank = navigation[:, 6]

@@ -1,4 +1,4 @@
-"""SHEFEX-3 with a second control for the literature's methods: an exact target, one phase, two efforts."""
+"""SHEFEX-3 with a second control, as the literature's methods know it: one phase, an exact target."""
 
 from __future__ import annotations
 

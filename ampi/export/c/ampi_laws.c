@@ -7,7 +7,7 @@
 #define LEAST_SLOPE 0.1   /* 1/rad: an angle of attack that changes the drag less is left alone */
 
 enum { /* gains, as ampi/export/blob.py writes them: of both drag laws, then of the one */
-    MU = 0, RADIUS, FELT_DRAG, ANGLE_GAIN, DEADBAND, LEAST_RANGE, TURN_RATE, BRAKING, DRAG_GAIN, DESCENT_GAIN,
+    MU = 0, RADIUS, FELT_DRAG, DEADBAND, LEAST_RANGE, TURN_RATE, BRAKING, DRAG_GAIN, DESCENT_GAIN,
     LAMBDA = DRAG_GAIN, REACHING, SWITCHING, BOUNDARY, BANDWIDTH, MOST_DISTURBANCE
 };
 enum { TURNING = 0, SURFACE, DISTURBANCE }; /* memory of the drag laws */
@@ -191,7 +191,7 @@ static double modulation(const double *gain, const double *at, accelerations fel
                          double cosine)
 {
     const double steep = most(at[DRAG_SLOPE], LEAST_SLOPE);
-    const double wanted = most(-gain[ANGLE_GAIN] * error, -most(1.0 - cosine, 0.0)) / steep;
+    const double wanted = most(-error, -most(1.0 - cosine, 0.0)) / steep;
     const bool acts = (felt.drag > gain[FELT_DRAG]) & (at[DRAG_SLOPE] >= LEAST_SLOPE)
                       & (fabs(cosine) < HUGE_VAL);
     return chosen(acts, wanted, 0.0);
@@ -243,10 +243,8 @@ static double drag_sliding_mode(ampi_guidance *guidance, const ampi_table *table
     asked = gain[REACHING] * s + gain[SWITCHING] * s / (fabs(s) + gain[BOUNDARY]);
     asked = memory[DISTURBANCE] + drag * (gain[LAMBDA] * rate + asked);
     cosine = (vertical + asked / authority) / felt.lift; /* Eq. (4) */
-    *angle = 0.0;
-    if (table->n.modulates != 0u) {
-        *angle = modulation(gain, at, felt, error, chosen(is_acting, cosine, AMPI_NAN));
-    }
+    *angle = modulation(gain, at, felt, error, chosen(is_acting, cosine, AMPI_NAN));
+    *angle = chosen(table->n.modulates != 0u, *angle, 0.0);
     return steered(gain, at, state, felt, cosine, &memory[TURNING]);
 }
 

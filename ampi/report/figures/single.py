@@ -108,14 +108,15 @@ def flight_figure(mission: Mission, flights: Flights, name: str) -> Figure:
     states, references = flights.states[0], flights.reference_states[0]
     flown = np.isfinite(states[0])
     times, states, references = flights.times[flown], states[:, flown], references[:, flown]
-    rates = np.stack([flights.bank_rate[0][flown], np.full(len(times), np.nan)])
+    rates = [flights.bank_rate[0][flown]]
     if mission.angle_of_attack is not None:  # the command is the angle itself
         angle = flights.angle_of_attack[0][flown]
         states = np.vstack([states, angle])
         references = np.vstack([references, np.full(len(times), np.nan)])
-    unknown = np.full_like(rates, np.nan)
+        rates.append(np.gradient(angle, times))
+    unknown = np.full((len(rates), len(times)), np.nan)
     _draw_curves(panels, mission, times, references, unknown, "--", REFERENCE)
-    _draw_curves(panels, mission, times, states, rates, "-")
+    _draw_curves(panels, mission, times, states, np.stack(rates), "-")
     _draw_limits(panels, mission, times, states)
     draw_ground_tracks(track, mission, [_track(references, REFERENCE), _track(states)])
     keys = [line_key("flown", _COLOUR), line_key("reference", REFERENCE, dashed=True)]

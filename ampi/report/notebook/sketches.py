@@ -112,7 +112,7 @@ def _two_panels(times: Array, states: Array) -> tuple[Figure, tuple[Axes, Axes]]
     right.set(xlabel="Time (s)", ylabel=BANK_ANGLE.label)
     for angle in states[ANGLE_OF_ATTACK:]:
         right.plot(times, BANK_ANGLE.shown(angle), color=COLOUR, linestyle="--")
-        right.set_ylabel("Bank angle, – – angle of attack (deg)")
+        right.set_ylabel("Bank angle, – – α (deg)")
     return figure, (left, right)
 
 

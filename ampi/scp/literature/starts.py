@@ -27,7 +27,7 @@ from ampi.physics.state import (
 )
 from ampi.pseudospectral.mesh import Mesh, Phase
 from ampi.scp.guess import ConstantBank, constant_bank_guess, default_guess
-from ampi.scp.literature.coast import middle_angle, until_drag, until_level
+from ampi.scp.literature.coast import guessed_angle, until_drag, until_level
 from ampi.scp.literature.collocation import line_mesh, trapezoid
 from ampi.scp.literature.energy_domain import EnergyDomain
 from ampi.scp.literature.energy_guess import lifted_lines
@@ -64,7 +64,7 @@ def straight_line(points: int, flight_time: float) -> Callable[[Mission], Start 
         last = first.copy()
         last[[LONGITUDE, LATITUDE]] = target.longitude, target.latitude
         last[[ALTITUDE, SPEED]] = target.altitude, target.speed
-        last[ANGLE_OF_ATTACK:] = middle_angle(mission, last)
+        last[ANGLE_OF_ATTACK:] = guessed_angle(mission, last)
         for held in final_states(mission):
             last[held.state] = held.middle
         last[[LONGITUDE, AZIMUTH]] = on_turn_of(

@@ -87,7 +87,7 @@ CONDENSED = Capabilities(
 )
 
 OVER_TIME = Capabilities(  # the literature's methods over time
-    constraints=CONDENSED.constraints - FINAL - {"fixed phases", "design margins", "entry.time"},
+    constraints=CONDENSED.constraints - {"fixed phases", "design margins", "entry.time"},
     terms=frozenset(TERMS),
 )
 OVER_ENERGY = Capabilities(
