@@ -27,13 +27,16 @@ def steered_mission(control: str = CONTROL, grid: str = SMALL_GRID) -> Mission:
     """SHEFEX-3 with the section `control` in the place of its schedule."""
     before, _, after = text_on_grid(grid).partition("[vehicle.angle_of_attack]\n")
     text = before + control + after[after.index("\n[") + 1 :]
-    own = ("angle_of_attack_change_deg", "angle_of_attack_rate_deg_per_s")
-    lines = [line for line in text.splitlines() if not line.startswith(tuple(own))]
+    text = text.replace(
+        "bank_rate_effort = ", "angle_of_attack_effort = 1e-05\nbank_rate_effort = "
+    )
+    own = ("angle_of_attack_change_deg", "angle_of_attack_rate_deg_per_s")  # of a schedule's change
+    lines = [line for line in text.splitlines() if not line.startswith(own)]
     return parse_mission("\n".join(lines))
 
 
 def steered_flight(mission: Mission, *, guess: Trajectory | None = None) -> Trajectory:
-    """A flight of ten minutes under angles of sines, exact to DOP853; for a solver's stand-in."""
+    """A flight of ten minutes under angles of sines, by DOP853; for a solver's stand-in."""
     mesh, final_time = mission.pseudospectral_mesh, 600.0 + 0.1 * (mission.entry.speed - 4712.26)
     times = mesh.times(final_time)
     bank = np.radians(30.0 + 5.0 * np.sin(times / 90.0))
@@ -47,9 +50,8 @@ def steered_flight(mission: Mission, *, guess: Trajectory | None = None) -> Traj
 
     for s in mesh.segments:
         nodes, first = times[s.nodes], states[:, s.nodes.start]
-        flown = solve_ivp(
-            rates, nodes[[0, -1]], first, "DOP853", t_eval=nodes, rtol=1e-9, atol=1e-9
-        )
+        span = nodes[[0, -1]]
+        flown = solve_ivp(rates, span, first, "DOP853", t_eval=nodes, rtol=1e-8, atol=1e-8)
         states[:, s.nodes] = flown.y
     steering = angles @ mesh.derivative(final_time).T
     states = np.concatenate([states, angles])
