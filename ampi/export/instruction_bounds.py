@@ -20,14 +20,11 @@ from dataclasses import dataclass
 from ampi.export.blob import AXIS, HEADER, KINDS, LAWS, SEGMENT, SIZES, TEXT, blob_vertices
 
 A_VALUE = {"float64": 4, "float32": 5, "int16": 6}  # of a vertex; int16 is mapped once, too
-A_LAW = {"linear_quadratic": 1370, "drag_shuttle": 1850, "drag_sliding_mode": 2100}
+A_LAW = {"linear_quadratic": 1400, "drag_shuttle": 1880, "drag_sliding_mode": 2100}
 MAPPED = 8  # of a column
-MODULATED = {
-    "linear_quadratic": 60,
-    "drag_shuttle": 60,
-    "drag_sliding_mode": 0,
-}  # of a law that does
-LIMITED = 100  # of the limiter of the angle of attack
+# of a law that changes the angle of attack, and of the limiter of that change
+MODULATED = {"linear_quadratic": 190, "drag_shuttle": 140, "drag_sliding_mode": 0}
+LIMITED = 350
 LIBRARY = 800  # of exp, expm1, log, sin, cos, acos in a step of a drag law, glibc's
 
 
