@@ -5,10 +5,10 @@ Nothing in it depends on data but the values, so a call is a sum over the sizes 
     reference = vertices (a columns + 105) + 450 axes,                                             (1)
     step = b + 14 segments + widest (26 + 13 ⌈rows/4⌉) + 11 ⌈log₂ points⌉,                         (2)
 
-with a by the type of the values, b by the law and by whether it changes the angle of attack, and the last
-term of the laws that look up by energy. The
-numbers are those that callgrind counts of gcc 12, -O2, on x86-64, rounded up by some hundredths;
-`make flight-code` fails where a count lies above them, or a fifth below.
+with a by the type of the values, b by the law and by whether it changes the angle of attack, and the
+last term of the laws that look up by energy. The numbers are those that callgrind counts of gcc 12, -O2,
+on x86-64, rounded up by some hundredths; `make flight-code` fails where a count lies above them, or a
+fifth below.
 """
 
 from __future__ import annotations
