@@ -96,7 +96,7 @@ def _outputs() -> str:
     numbers = [
         ("bank_rate", "rad/s", "to be reached at the end of the cycle"),
         ("bank_angle", "rad", "there"),
-        ("angle_of_attack", "rad", "to be added to the schedule's"),
+        ("angle_of_attack", "rad", "to be added to the schedule's; itself, where there is none"),
     ]
     statuses = [(str(i), *each) for i, each in enumerate(STATUSES.items())]
     health = [(f"{h:d}", f"AMPI_{h.name}", h.sentence) for h in Health]
@@ -106,7 +106,8 @@ def _outputs() -> str:
 ## Outputs
 
 {_table(("command", "unit", "what"), numbers)}
-Every command keeps the limits of bank angle, rate and acceleration.
+Every command keeps the limits of bank angle, rate and acceleration, and those of the angle of attack's
+change.
 
 `steering`:
 

@@ -127,7 +127,7 @@ def variables(model: FmuModel) -> list[Variable]:
     for name, unit, description in (
         ("bank_rate", "rad/s", "to be reached at the end of the cycle"),
         ("bank_angle", "rad", "to be reached at the end of the cycle"),
-        ("angle_of_attack", "rad", "to be added to the schedule's"),
+        ("angle_of_attack", "rad", "to be added to the schedule's; itself, where there is none"),
     ):
         found.append(Variable(f"command.{name}", "output", "discrete", description, unit))
     for name, description in (

@@ -14,7 +14,7 @@ class Command:
 
     bank_rate: Any  # rad/s, to be reached at the end of the cycle
     bank_angle: Any  # rad, there
-    angle_of_attack: Any  # rad, to be added to the schedule's
+    angle_of_attack: Any  # rad, to be added to the schedule's; itself, where there is none
     steering: Any  # Steering, by what; of n flights their numbers
     health: Any  # Health; of n flights their numbers
 

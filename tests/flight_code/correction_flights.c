@@ -225,7 +225,7 @@ static void test_misuse(const world *from, const ampi_table *table)
         in.guidance.is_begun = (part == 2u) ? 0u : AMPI_OPEN;
         in.guidance.reference.checksum ^= (part == 3u) ? 1u : 0u;
         if (part == 4u) { in.model.of.corrector.stiffness = 1e300; in.state[BANK] = 1.0; }
-        if (part == 5u) { in.corrector.commanded = AMPI_NAN; }
+        for (i = AMPI_N_BANKS; (part == 5u) && (i < AMPI_N_PLAN); i++) { in.corrector.plan.value[i] = AMPI_NAN; }
         (void)step(&in, (part == 6u) ? &shut : table, in.time, in.state);
         expect(in.guidance.is_asked == 0u, "nothing is asked", (double)part, 0.0);
     }

@@ -21,7 +21,7 @@ from ampi.correction.settings import CorrectorSettings
 from ampi.estimation.estimator import COUNTED, Estimator
 from ampi.export.model_blob import model_blob
 from ampi.guidance import Guidance
-from ampi.loading import segments_of
+from ampi.loading import modulation_limits, segments_of
 from ampi.missions.loading import load_mission
 from ampi.onboard.flight_model import BANK, SPEED, Factors, FlightModelData
 from ampi.onboard.table import GuidanceTable
@@ -204,7 +204,10 @@ def damages(blob: bytes) -> Iterator[tuple[int, bytes, int, int]]:
 def write(folder: Path) -> None:
     """Of every mission."""
     table, own = own_correction()
-    guidance = Guidance(table, LIMITS, law=LAWS["linear_quadratic"], cycle=0.5, engine="numpy")
+    guidance = Guidance(
+        table, LIMITS, law=LAWS["linear_quadratic"], cycle=0.5, engine="numpy",
+        modulation=modulation_limits(load_mission(OWN)), correction=own,
+    )  # fmt: skip
     (folder / f"{OWN}.table").write_bytes(guidance.blob())
     for name in MISSIONS:
         correction = own if name == OWN else correction_of(load_mission(name))

@@ -23,19 +23,6 @@ void proof_planned(void)
     __ESBMC_assert((told != told) || (told == 0.5), "between");
 }
 
-/* The change of the angle of attack that is asked keeps its rate and the bounds of the plan. */
-void proof_change(void)
-{
-    const double bound = any_between(0.0, 1.0);
-    const double before = any_between(-bound, bound), planned = any_between(-bound, bound);
-    const double low = nondet_double(), high = nondet_double(); /* before -+ what the rate allows */
-    double change;
-    __ESBMC_assume((low <= before) && (before <= high));
-    change = clipped(planned, low, high);
-    __ESBMC_assert((change >= low) && (change <= high), "rate");
-    __ESBMC_assert((change >= -bound) && (change <= bound), "bound");
-}
-
 /* What a step makes of a value of the plan is within its bound, whatever the step; no number of none. */
 void proof_bound(void)
 {

@@ -153,13 +153,20 @@ static double limited_rate(const ampi_guidance *guidance, const double limit[3],
     return next_rate(rate, clipped(command, -down, up), limit[1], a * cycle);
 }
 
+/* What is wanted within the limit, less where the change of the angle of attack is; no number: it stays. */
+static double room_to(double wanted, double change, double ahead, double limit)
+{
+    const double known = chosen(fabs(wanted) < AMPI_SANE, wanted, change);
+    return clipped(known, -limit, limit) - ahead;
+}
+
 /* Changes the angle of attack towards what is wanted, and stops there in time. */
 static void modulate(ampi_guidance *guidance, const double limit[3], double wanted)
 {
     const double cycle = guidance->longest, last = guidance->change_rate;
     const double a = limit[2] * (guidance->shortest / cycle);
-    const double known = chosen(fabs(wanted) < AMPI_SANE, wanted, guidance->change);
-    const double room = clipped(known, -limit[0], limit[0]) - (guidance->change + 0.5 * last * cycle);
+    const double ahead = guidance->change + 0.5 * last * cycle;
+    const double room = room_to(wanted, guidance->change, ahead, limit[0]);
     const double asked = copysign(stopping_rate(fabs(room), a, cycle), room);
 
     guidance->change_rate = limited_rate(guidance, limit, guidance->change, last, asked);
