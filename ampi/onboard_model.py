@@ -63,6 +63,10 @@ def flight_model_of(mission: Mission) -> FlightModelData:
     planet, vehicle = model.planet, model.vehicle
     if model.wind is not None or model.angle_of_attack_offset is not None:
         raise ValueError("mission: expected still air and the scheduled angle of attack on board")
+    if vehicle.angle_of_attack is None:
+        raise ValueError(
+            "mission: expected a schedule of the angle of attack on board, got a control"
+        )
     q, heat_flux, load = limits.loads
     return FlightModelData(
         equatorial_radius=planet.equatorial_radius,

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ampi.missions.path_limits import KEPT
 from ampi.outcome import Outcome
-from ampi.physics.state import N_STATES
+from ampi.physics.state import BANK, N_STATES
 from ampi.pseudospectral.mesh import Mesh
 from ampi.shown import Tabulated
 
@@ -141,19 +141,28 @@ class Trajectory(Tabulated):
     """States, control and final time at the mesh nodes (SI, rad), with how they were found."""
 
     mesh: Mesh
-    states: Array  # (7, n_nodes): h, θ, φ, V, γ, ψ, σ
+    states: Array  # (7, n_nodes): h, θ, φ, V, γ, ψ, σ; (8, n_nodes) with α where it is a control
     bank_rate: Array  # (n_nodes,), rad/s
     final_time: float  # s
     cost: float
     status: Status
     statistics: Statistics = Statistics()
     target_multipliers: Array | None = None  # (rows of the target,), cost per SI unit of e
+    angle_of_attack_rate: Array | None = None  # (n_nodes,), rad/s; None where α is scheduled
 
     @classmethod
-    def none(cls, mesh: Mesh, status: Status) -> Trajectory:
+    def none(cls, mesh: Mesh, status: Status, n_states: int = N_STATES) -> Trajectory:
         """What stands for a flight that there is not: no number in it."""
-        states = np.full((N_STATES, mesh.n_nodes), np.nan)
-        return cls(mesh, states, states[0], np.nan, np.nan, status)
+        states = np.full((n_states, mesh.n_nodes), np.nan)
+        angle_rate = states[0] if n_states > N_STATES else None
+        return cls(mesh, states, states[0], np.nan, np.nan, status, angle_of_attack_rate=angle_rate)
+
+    @property
+    def controls(self) -> Array:
+        """Rates (m, n_nodes; rad/s) of the bank angle and, if it is a control, the angle of attack."""
+        angle_rate = self.angle_of_attack_rate
+        rows = [self.bank_rate] if angle_rate is None else [self.bank_rate, angle_rate]
+        return np.stack(rows[: len(self.states) - BANK])
 
     @property
     def times(self) -> Array:

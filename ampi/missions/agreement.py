@@ -10,8 +10,7 @@ from ampi.missions.sections import MissionSections
 from ampi.physics.angles import on_turn_of
 from ampi.physics.path_constraints import no_fly_zone, path_constraints
 from ampi.physics.planet import great_circle_distance
-from ampi.physics.state import LOADS
-from ampi.physics.vehicle import air_loads
+from ampi.physics.state import ANGLE_OF_ATTACK, LOADS
 
 LATE = 1e4  # s: after any angle-of-attack manoeuvre
 
@@ -21,6 +20,8 @@ def disagreements(mission: MissionSections) -> list[str]:
     found: list[str] = []
     for sections, check in (
         ("vehicle", _vehicle_stands),
+        ("vehicle angle_of_attack entry", _angle_of_attack_is_told_once),
+        ("vehicle angle_of_attack", _coefficients_cover_the_angles),
         ("planet atmosphere", _air_stands),
         ("atmosphere entry", _air_reaches_the_entry),
         ("mesh", _mesh_stands),
@@ -44,7 +45,7 @@ def disagreements(mission: MissionSections) -> list[str]:
 def another_structure(mission: MissionSections, there: MissionSections) -> list[str]:
     """A sentence where the numbers of `there` make another model than those of `mission`."""
     schedules = [m.vehicle.angle_of_attack for m in (mission, there)]
-    here, moved = (schedule.smoothing for schedule in schedules)
+    here, moved = (0.0 if schedule is None else schedule.smoothing for schedule in schedules)
     if (here > 0.0) == (moved > 0.0):
         return []
     return [
@@ -77,6 +78,57 @@ def _mesh_stands(mission: MissionSections) -> Iterator[str]:
     yield from ()
 
 
+def _angle_of_attack_is_told_once(mission: MissionSections) -> Iterator[str]:
+    schedule, control, entry = (
+        mission.vehicle.angle_of_attack,
+        mission.angle_of_attack,
+        mission.entry,
+    )
+    if schedule is not None and control is not None:
+        yield (
+            "angle_of_attack: expected a schedule ([vehicle.angle_of_attack]) or a control "
+            "([angle_of_attack]), got both; remove one of them"
+        )
+    if schedule is None and control is None:
+        yield (
+            "vehicle.angle_of_attack: expected a schedule ([vehicle.angle_of_attack]) or a control "
+            "([angle_of_attack]), got neither"
+        )
+    for name in ("angle_of_attack", "angle_of_attack_rate"):
+        if control is None and getattr(entry, name) is not None:
+            yield (
+                f"entry.{name}: expected nothing, for the angle of attack follows a schedule; "
+                "[angle_of_attack] makes it a control"
+            )
+    if control is None:
+        return
+    low, high, rate = min(control.lower), max(control.upper), entry.angle_of_attack_rate
+    if entry.angle_of_attack is not None and not low <= entry.angle_of_attack <= high:
+        yield (
+            f"entry.angle_of_attack: expected {low / u.DEGREE:.4g}° to {high / u.DEGREE:.4g}°, the "
+            f"bounds of [angle_of_attack], got {entry.angle_of_attack / u.DEGREE:.4g}°"
+        )
+    if rate is not None and abs(rate) > control.rate:
+        yield (
+            f"entry.angle_of_attack_rate: expected at most angle_of_attack.rate "
+            f"({control.rate / u.DEGREE:.4g}°/s) in size, got {rate / u.DEGREE:.4g}°/s"
+        )
+
+
+def _coefficients_cover_the_angles(mission: MissionSections) -> Iterator[str]:
+    control, aerodynamics = mission.angle_of_attack, mission.vehicle.aerodynamics
+    if control is None or aerodynamics.model != "table":
+        return
+    first, last = aerodynamics.angle_of_attack[0], aerodynamics.angle_of_attack[-1]
+    low, high = min(control.lower), max(control.upper)
+    if low < first or high > last:
+        yield (
+            f"angle_of_attack: expected bounds within vehicle.aerodynamics.angle_of_attack "
+            f"({first / u.DEGREE:.4g}° to {last / u.DEGREE:.4g}°), got {low / u.DEGREE:.4g}° to "
+            f"{high / u.DEGREE:.4g}°; widen the table or narrow the bounds"
+        )
+
+
 def _flight_slows_down(mission: MissionSections) -> Iterator[str]:
     if mission.target.speed >= mission.entry.speed:
         yield (
@@ -86,17 +138,29 @@ def _flight_slows_down(mission: MissionSections) -> Iterator[str]:
 
 
 def _entry_keeps_limits(mission: MissionSections) -> Iterator[str]:
-    yield from _limits_exceeded_at(mission, "entry", [*mission.entry_state, 0.0], 0.0)
+    state = [*mission.entry_state, 0.0, *_gentlest_angle(mission, mission.entry.angle_of_attack)]
+    yield from _limits_exceeded_at(mission, "entry", state, 0.0)
+
+
+def _gentlest_angle(mission: MissionSections, given: float | None = None) -> list[float]:
+    """Where it is a control, the angle of attack `given`, else that of those allowed nearest to zero."""
+    control = getattr(mission, "angle_of_attack", None)
+    if control is None or mission.vehicle.angle_of_attack is not None:
+        return []
+    nearest = min(max(0.0, min(control.lower)), max(control.upper))
+    return [nearest if given is None else given]
 
 
 def _target_keeps_limits(mission: MissionSections) -> Iterator[str]:
     limits, target, model = mission.limits, mission.target, mission.flight_model
-    at_target = [target.altitude, 0.0, 0.0, target.speed, 0.0, 0.0, 0.0]
+    at_target = [target.altitude, 0.0, 0.0, target.speed, 0.0, 0.0, 0.0, *_gentlest_angle(mission)]
     yield from _limits_exceeded_at(mission, "target", at_target, LATE)
     floor, below = limits.drag_floor, limits.drag_floor_speed
     if floor is None or below is None or target.speed > below:
         return
-    air = air_loads(model.vehicle, model.atmosphere, target.altitude, target.speed, LATE)
+    if mission.angle_of_attack is not None:
+        at_target[ANGLE_OF_ATTACK] = max(mission.angle_of_attack.upper)
+    air = model.air_loads(at_target, LATE)
     drag, unit = (
         float(air.drag) / model.planet.load_factor_gravity,
         model.planet.load_factor_unit,
@@ -161,8 +225,10 @@ def _entry_turns_within_its_limits(mission: MissionSections) -> Iterator[str]:
 
 def _lift_keeps_its_sign(mission: MissionSections) -> Iterator[str]:
     schedule, change = mission.vehicle.angle_of_attack, mission.limits.angle_of_attack_change
+    if change is None or schedule is None:
+        return
     least = min(schedule.start_angle, schedule.end_angle)
-    if change is not None and change >= least:
+    if change >= least:
         yield (
             "limits.angle_of_attack_change: expected less than the least angle of attack scheduled "
             f"({least / u.DEGREE:.4g}°), got {change / u.DEGREE:.4g}°"

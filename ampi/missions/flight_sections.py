@@ -41,6 +41,13 @@ class EntrySection(Section):
     bank_rate: u.AngularRate | None = Field(
         default=None, description="Bank rate at entry; free unless given"
     )
+    angle_of_attack: u.Angle | None = Field(
+        default=None,
+        description="Angle of attack at entry, where it is a control; free unless given",
+    )
+    angle_of_attack_rate: u.AngularRate | None = Field(
+        default=None, description="Its rate at entry; free unless given"
+    )
     time: u.Time = Field(
         default=0.0, ge=0, description="Since the entry interface, of a flight that is under way"
     )
@@ -185,7 +192,12 @@ class LimitsSection(Section):
     )
 
     def share(self, limit: str) -> float:
-        """What an optimum may use of a limit (`PathLimits.names`): 1 − its margin."""
+        """What an optimum may use of a limit (`PathLimits.names`): 1 − its margin.
+
+        The angle of attack has bounds of its own, and no margin.
+        """
+        if limit.startswith("angle_of_attack"):
+            return 1.0
         margin: float = getattr(self, f"{limit.partition(' ')[0]}_margin")
         return 1.0 - margin
 

@@ -271,7 +271,10 @@ class VehicleSection(Section):
     aerodynamics: Annotated[
         ModifiedNewtonianSection | PolynomialSection | TableSection, Field(discriminator="model")
     ] = Field(description="Coefficients: modified_newtonian, polynomial, or a table")
-    angle_of_attack: AngleOfAttackSection = Field(description="Schedule of the angle of attack")
+    angle_of_attack: AngleOfAttackSection | None = Field(
+        default=None,
+        description="Schedule of the angle of attack; none where [angle_of_attack] steers it",
+    )
 
     def build(self) -> Vehicle:
         """The physics object."""
@@ -284,5 +287,5 @@ class VehicleSection(Section):
             lift_factor=self.lift_factor,
             drag_factor=self.drag_factor,
             aerodynamics=self.aerodynamics.build(),
-            angle_of_attack=self.angle_of_attack.build(),
+            angle_of_attack=None if self.angle_of_attack is None else self.angle_of_attack.build(),
         )

@@ -3,11 +3,12 @@
     q / q_max,  Q̇ / Q̇_max,  n / n_max               Sagliano et al. 2016, Eq. (4)
     2 − D / D_min  where V ≤ V_floor, else 0           drag floor, Liu 2015, Eq. (73)
     2 − hav d / hav ρ                                  each no-fly zone, physics/path_constraints.py
-    |σ| / σ_max,  |σ̇| / σ̇_max
+    1 + (α_lo − α)/w,  1 + (α − α_up)/w                angle of attack, bounds over speed or Mach number
+    |σ| / σ_max,  |σ̇| / σ̇_max,  |α − α_m| / w,  |α̇| / α̇_max
 
-in this order, for one mission or for the missions of a family. A limit is kept where its use is at
-most 1 + `KEPT`, at the nodes as between them, for the optimiser, a database, an audit and a
-closed-loop flight.
+in this order, for one mission or for the missions of a family; α_m is the middle of fixed bounds of the
+angle of attack, w half of their widest distance. A limit is kept where its use is at most 1 + `KEPT`, at
+the nodes as between them, for the optimiser, a database, an audit and a closed-loop flight.
 
 A mission may ask for a margin m of a limit: then its optimum is to use at most 1 − m of it, so that the
 flight between the nodes, or a dispersed one, still keeps the limit itself. Verdicts judge by the limit.
@@ -23,14 +24,16 @@ from typing import Any
 
 import numpy as np
 
+from ampi.missions.angle_of_attack import AngleBounds
 from ampi.missions.sections import MissionSections
 from ampi.physics.equations_of_motion import FlightModel
 from ampi.physics.path_constraints import no_fly_zone, path_constraints
-from ampi.physics.state import BANK, LATITUDE, LOADS, LONGITUDE, SPEED
+from ampi.physics.state import ANGLE_OF_ATTACK, BANK, LATITUDE, LOADS, LONGITUDE, SPEED
 from ampi.physics.vehicle import AirLoads
 
 KEPT = 1e-3  # of a limit: the excess that still counts as kept
 CONTROL_LIMITS = ("bank_angle", "bank_rate")
+ANGLE_LIMITS = ("angle_of_attack lower", "angle_of_attack upper")
 
 
 class LimitKind(Enum):
@@ -39,6 +42,7 @@ class LimitKind(Enum):
     LOAD = "load"
     DRAG_FLOOR = "drag floor"
     NO_FLY_ZONE = "no-fly zone"
+    ANGLE_OF_ATTACK = "angle of attack"
     CONTROL = "control"
 
 
@@ -51,6 +55,7 @@ class PathLimits:
     no_fly_zones: tuple[tuple[Any, Any, Any], ...] = ()  # θ_c, φ_c, radius / R₀ (rad)
     bank_angle: Any = 1.0  # rad
     bank_rate: Any = 1.0  # rad/s
+    angle_of_attack: AngleBounds | None = None  # where it is a control
 
     @classmethod
     def of(cls, mission: MissionSections) -> PathLimits:
@@ -68,6 +73,7 @@ class PathLimits:
             ),
             bank_angle=limits.bank_angle,
             bank_rate=limits.bank_rate,
+            angle_of_attack=AngleBounds.of(mission.angle_of_attack),
         )
 
     @property
@@ -75,11 +81,15 @@ class PathLimits:
         """Every limit by its name, in order."""
         floor = () if self.drag_floor is None else ("drag_floor",)
         zones = (f"no_fly_zone {k}" for k in range(1, len(self.no_fly_zones) + 1))
+        angle = self.angle_of_attack
+        on_path = () if angle is None or angle.are_fixed else ANGLE_LIMITS
+        controls = CONTROL_LIMITS if angle is None else (*CONTROL_LIMITS, *angle.controls)
         return {
             **dict.fromkeys(LOADS, LimitKind.LOAD),
             **dict.fromkeys(floor, LimitKind.DRAG_FLOOR),
             **dict.fromkeys(zones, LimitKind.NO_FLY_ZONE),
-            **dict.fromkeys(CONTROL_LIMITS, LimitKind.CONTROL),
+            **dict.fromkeys(on_path, LimitKind.ANGLE_OF_ATTACK),
+            **dict.fromkeys(controls, LimitKind.CONTROL),
         }
 
     @property
@@ -90,7 +100,7 @@ class PathLimits:
     @property
     def on_the_path(self) -> tuple[str, ...]:
         """Names of the limits on what the flight meets, in order: all but those of the control."""
-        return self.names[: -len(CONTROL_LIMITS)]
+        return tuple(n for n, kind in self.kinds.items() if kind is not LimitKind.CONTROL)
 
     def path(
         self, model: FlightModel, state: Any, time: Any, air: AirLoads | None = None
@@ -104,7 +114,10 @@ class PathLimits:
         use = [value / limit for value, limit in zip(values, self.loads, strict=True)]
         if self.drag_floor is not None:
             use.append((state[SPEED] <= self.drag_floor[1]) * self.floor_use(model, state, time))
-        return [*use, *self.zones(state[LONGITUDE], state[LATITUDE])]
+        use += self.zones(state[LONGITUDE], state[LATITUDE])
+        if self.angle_of_attack is not None and not self.angle_of_attack.are_fixed:
+            use += self.angle_of_attack.use(model, state)
+        return use
 
     def floor_use(self, model: FlightModel, state: Any, time: Any) -> Any:
         """Use of the drag floor where it holds."""
@@ -122,7 +135,13 @@ class PathLimits:
         bank_rate: Any,
         time: Any,
         air: AirLoads | None = None,
+        *,
+        angle_of_attack_rate: Any = 0.0,
     ) -> list[Any]:
-        """Use of every limit, in the order of `names`; `bank_rate` in rad/s, `air` as of `path`."""
+        """Use of every limit, in the order of `names`; rates in rad/s, `air` as of `path`."""
         control = [np.abs(state[BANK]) / self.bank_angle, np.abs(bank_rate) / self.bank_rate]
+        if self.angle_of_attack is not None:
+            control += self.angle_of_attack.control_use(
+                state[ANGLE_OF_ATTACK], angle_of_attack_rate
+            )
         return [*self.path(model, state, time, air), *control]

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from pydantic import Field, ValidationError, model_validator
 
 from ampi.missions import units as u
+from ampi.missions.angle_of_attack import AngleOfAttackControlSection
 from ampi.missions.flight_sections import (
     EntrySection,
     LimitsSection,
@@ -168,6 +169,10 @@ class MissionSections(Section):
     vehicle: VehicleSection = Field(
         description="What flies, and how its angle of attack is scheduled"
     )
+    angle_of_attack: AngleOfAttackControlSection | None = Field(
+        default=None,
+        description="Steers the angle of attack by a second control, in the place of a schedule",
+    )
     entry: EntrySection = Field(
         description="Where guided flight begins; bank angle and its rate there are free unless given"
     )
@@ -205,6 +210,11 @@ class MissionSections(Section):
     def pseudospectral_mesh(self) -> Mesh:
         """Phases and segments of the transcription."""
         return self.mesh.build().after(self.entry.time)
+
+    @property
+    def n_states(self) -> int:
+        """Seven, or eight where the angle of attack is a control."""
+        return self.flight_model.n_states
 
     @property
     def entry_state(self) -> NDArray[np.float64]:

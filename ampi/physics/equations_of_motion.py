@@ -4,6 +4,8 @@
              flight-path angle, azimuth (0 = north, clockwise), bank angle
     control  u = σ̇
 
+A vehicle without a schedule of the angle of attack has an eighth state α and a second control α̇.
+
 The paper's air moves with the planet; here it may also blow (wind). The bank angle is about the velocity
 through the air.
 
@@ -24,7 +26,7 @@ import numpy as np
 
 from ampi.physics.atmosphere import Atmosphere
 from ampi.physics.planet import Planet, gravity
-from ampi.physics.state import ALTITUDE, BANK, LATITUDE, SPEED
+from ampi.physics.state import ALTITUDE, ANGLE_OF_ATTACK, BANK, LATITUDE, N_STATES, SPEED
 from ampi.physics.vehicle import AirLoads, Vehicle, air_loads_at_angle
 from ampi.physics.wind import AirVelocity, Track, Wind
 
@@ -43,6 +45,11 @@ class FlightModel:
     wind: Wind | None = None  # None: still air
     angle_of_attack_offset: Any = None  # rad, on the schedule's angle; None: flown as it stands
 
+    @property
+    def n_states(self) -> int:
+        """Seven, or eight where the angle of attack is one of them."""
+        return N_STATES + int(self.vehicle.angle_of_attack is None)
+
     def air_loads(self, state: Any, time: Any) -> AirLoads:
         """Lift and drag (m/s²), density, angle of attack and speed through the air at a state."""
         if self.wind is None:
@@ -50,8 +57,13 @@ class FlightModel:
         through_air = AirVelocity.of(self.wind, state, Track.of(state))
         return self._air_loads(state, time, through_air.speed)
 
+    def angle_of_attack(self, state: Any, time: Any) -> Any:
+        """α (rad) at a state: the scheduled one, or the state's own. Without the offset."""
+        schedule = self.vehicle.angle_of_attack
+        return state[ANGLE_OF_ATTACK] if schedule is None else schedule(time, state[SPEED])
+
     def _air_loads(self, state: Any, time: Any, speed: Any) -> AirLoads:
-        angle = self.vehicle.angle_of_attack(time, state[SPEED])
+        angle = self.angle_of_attack(state, time)
         if self.angle_of_attack_offset is not None:
             angle = angle + self.angle_of_attack_offset
         return air_loads_at_angle(self.vehicle, self.atmosphere, state[ALTITUDE], speed, angle)
@@ -79,18 +91,24 @@ def _acceleration(
 
 
 def equations_of_motion(
-    model: FlightModel, state: Any, bank_rate: Any, time: Any, air: AirLoads | None = None
+    model: FlightModel,
+    state: Any,
+    bank_rate: Any,
+    time: Any,
+    air: AirLoads | None = None,
+    *,
+    angle_of_attack_rate: Any = 0.0,
 ) -> tuple[Any, ...]:
-    """Time derivatives of the seven states, Eq. (2).
+    """Time derivatives of the seven states, Eq. (2); of eight where the angle of attack is one.
 
     Parameters
     ----------
     model
         Planet, atmosphere, vehicle and wind.
     state
-        Sequence of seven floats, equally shaped arrays, or symbols (SI, rad).
-    bank_rate
-        σ̇ (rad/s).
+        Sequence of `model.n_states` floats, equally shaped arrays, or symbols (SI, rad).
+    bank_rate, angle_of_attack_rate
+        σ̇ and, where the angle of attack is a state, α̇ (rad/s).
     time
         Time since the entry interface (s); the angle of attack may depend on it.
     air
@@ -126,12 +144,8 @@ def equations_of_motion(
         - 2.0 * omega * (tan_fpa * cos_lat * cos_azi - sin_lat)
         + centrifugal / (speed * cos_fpa) * sin_lat * sin_azi
     )
-    return (
-        altitude_rate,
-        longitude_rate,
-        latitude_rate,
-        speed_rate,
-        flight_path_rate,
-        azimuth_rate,
-        bank_rate,
-    )
+    angles: tuple[Any, ...] = (bank_rate,)
+    if model.vehicle.angle_of_attack is None:
+        angles = (bank_rate, angle_of_attack_rate)
+    position = (altitude_rate, longitude_rate, latitude_rate)
+    return (*position, speed_rate, flight_path_rate, azimuth_rate, *angles)

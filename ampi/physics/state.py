@@ -3,6 +3,12 @@
     x = (h, θ, φ, V, γ, ψ, σ),   u = σ̇,   loads (q, Q̇, n_z)
 
 Two of the seven states are quadratures: no state enters σ̇ = u, and the longitude enters no rate.
+
+Where the angle of attack is a control, it is an eighth state, as the bank angle is the seventh:
+
+    x = (h, θ, φ, V, γ, ψ, σ, α),   u = (σ̇, α̇).
+
+So a state has as many controls as it has entries from `BANK` on, and each is the rate of its angle.
 """
 
 from __future__ import annotations
@@ -28,5 +34,10 @@ N_CORE = len(CORE)
 
 CONTROLS = ("bank_rate",)
 CONTROL_UNITS = ("rad/s",)
+
+ANGLE_OF_ATTACK = N_STATES  # the eighth
+STEERED_STATES = (*STATES, "angle_of_attack")  # where the angle of attack is a control
+STEERED_UNITS = (*STATE_UNITS, "rad")
+STEERING = (*CONTROLS, "angle_of_attack_rate")
 
 LOADS = ("dynamic_pressure", "heat_flux", "load_factor")

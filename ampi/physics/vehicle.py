@@ -70,7 +70,7 @@ class Vehicle:
     mass: float
     reference_area: float
     aerodynamics: Aerodynamics
-    angle_of_attack: AngleOfAttackSchedule
+    angle_of_attack: AngleOfAttackSchedule | None  # None: it is a state, steered by its rate
     heat_flux_constant: float  # k_q; W/m² per (kg/m³)^½ (m/s)^exponent
     heat_flux_speed_exponent: float = 3.0
     load_factor: str = "normal"  # what the load factor measures; or "total"
@@ -101,7 +101,11 @@ class AirLoads(NamedTuple):
 def air_loads(
     vehicle: Vehicle, atmosphere: Atmosphere, altitude: Any, speed: Any, time: Any
 ) -> AirLoads:
-    """Lift and drag accelerations (m/s²) at `altitude` (m), `speed` (m/s) and `time` (s)."""
+    """Lift and drag accelerations (m/s²) at `altitude` (m), `speed` (m/s) and `time` (s).
+
+    Of a vehicle with a schedule of the angle of attack.
+    """
+    assert vehicle.angle_of_attack is not None
     angle_of_attack = vehicle.angle_of_attack(time, speed)
     return air_loads_at_angle(vehicle, atmosphere, altitude, speed, angle_of_attack)
 

@@ -5,7 +5,8 @@ The equations are run on CasADi's symbols once for each structure of a mission; 
 
     x (7, c, n),   û, t (c, n),   weights (m, c, n)   →   outputs (nonzeros, c, n),                 (1)
 
-in scaled variables. Nothing of a case depends on its company.
+with x (8, c, n) and û (2, c, n) where the angle of attack is a state, in scaled variables. Nothing of
+a case depends on its company.
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ampi.physics.equations_of_motion import FlightModel, equations_of_motion
-from ampi.physics.state import BANK, LONGITUDE, N_STATES
+from ampi.physics.state import BANK, LONGITUDE
 from ampi.tracing.node_functions import NodeFunctions
 from ampi.tracing.numbers import NUMBER, Numbers, put_together, taken_apart
 from ampi.tracing.vectorised import VectorisedFunction
@@ -29,20 +30,23 @@ from ampi.tracing.virtual_machine import MappedFunction
 Array = NDArray[np.float64]
 Entries = dict[tuple[int, int], Array]  # a sparse matrix at every point: (row, column) → (c, n)
 
-TIME = N_STATES  # the column of t among derivatives over (x, t)
-
 
 @dataclass(frozen=True, eq=False)
 class Traced:
-    """The physics as expressions of scaled states (7), control û, time (s) and numbers."""
+    """The physics as expressions of scaled states (7 or 8), controls û, time (s) and numbers."""
 
     x: ca.SX
     u: ca.SX
     t: ca.SX
     p: ca.SX
-    f: ca.SX  # (7,)
+    f: ca.SX  # as many as states
     g: ca.SX  # limits, then integrands
     jacobian: ca.SX  # ∂f/∂x
+
+    @property
+    def n_states(self) -> int:
+        """How many; the column of t among derivatives over (x, t)."""
+        return int(self.x.numel())
 
 
 @dataclass(frozen=True)
@@ -54,13 +58,17 @@ class Physics:
 
     @classmethod
     def of(cls, model: FlightModel, functions: NodeFunctions, rate_scale: Any) -> Physics:
-        """Of a mission or a family; `rate_scale` is the bank rate (rad/s) of û = 1."""
+        """Of a mission or a family; `rate_scale` is the bank rate (rad/s) of û = 1.
+
+        Where the angle of attack is a state, it is the pair of both rates.
+        """
         return cls(*taken_apart((model, functions, rate_scale)))
 
 
 def trace(structure: Hashable, state_scale: tuple[float, ...]) -> Traced:
     """Run the physics on symbols."""
-    x, u, t = ca.SX.sym("x", N_STATES), ca.SX.sym("u"), ca.SX.sym("t")
+    n_states = len(state_scale)
+    x, u, t = ca.SX.sym("x", n_states), ca.SX.sym("u", n_states - BANK), ca.SX.sym("t")
     p = ca.SX.sym("p", _count(structure))
     model, functions, rate_scale = put_together(structure, iter(ca.vertsplit(p)))
     scale = ca.DM(list(state_scale))
@@ -68,7 +76,14 @@ def trace(structure: Hashable, state_scale: tuple[float, ...]) -> Traced:
     previous_mode = ca.GlobalOptions.getNumpyMode()
     ca.GlobalOptions.setNumpyMode(-1)
     try:
-        rates = equations_of_motion(model, physical, u * rate_scale, t)
+        if n_states != model.n_states:
+            raise ValueError(
+                f"state_scale: expected {model.n_states} scales, one for a state, got {n_states}"
+            )
+        scales = rate_scale if isinstance(rate_scale, tuple) else (rate_scale,)
+        bank_rate, *others = (u[k] * one for k, one in enumerate(scales))
+        own = {"angle_of_attack_rate": others[0]} if others else {}
+        rates = equations_of_motion(model, physical, bank_rate, t, **own)
         limited = functions.path(model, physical, t)
         integrands = functions.integrands(model, physical, t)
     finally:
@@ -93,11 +108,11 @@ def _count(structure: Hashable) -> int:
 
 
 def _require_quadratures(jacobian: ca.SX) -> None:
-    """Condensing relies on it: no state enters the bank angle's rate, no rate knows the longitude."""
+    """Condensing relies on it: no state enters a control's rate, no rate knows the longitude."""
     rows, columns = jacobian.sparsity().get_triplet()
-    if BANK in rows or LONGITUDE in columns:
+    if max(rows) >= BANK or LONGITUDE in columns:
         raise ValueError(
-            "equations of motion: expected a bank-angle rate without states and rates without the "
+            "equations of motion: expected rates of the controls without states and rates without the "
             "longitude; the condensing of the dynamics takes both as quadratures"
         )
 
@@ -129,11 +144,11 @@ class NodeFunction:
         self, x: Array, u: Array, t: Array, numbers: Numbers, *weights: Array
     ) -> list[Array]:
         """All cases at once."""
-        shape = u.shape
+        shape = t.shape
         repeated = [np.repeat(n, shape[1]) if isinstance(n, np.ndarray) else n for n in numbers]
         columns = [a.reshape(len(a), -1) for a in weights]
         found = self._vectorised(
-            x.reshape(N_STATES, -1), u.reshape(1, -1), t.reshape(1, -1), repeated, *columns
+            x.reshape(len(x), -1), u.reshape(-1, t.size), t.reshape(1, -1), repeated, *columns
         )
         return [rows.reshape(-1, *shape) for rows in found]
 
@@ -141,13 +156,13 @@ class NodeFunction:
         self, x: Array, u: Array, t: Array, numbers: Numbers, *weights: Array
     ) -> list[Array]:
         """Case by case."""
-        mapped = self._mapped(u.shape[1])
+        mapped, controls = self._mapped(t.shape[1]), u.reshape(-1, *t.shape)
         found = []
-        for k in range(len(u)):
+        for k in range(len(t)):
             own = np.array([n[k] if isinstance(n, np.ndarray) else n for n in numbers])
-            outputs = mapped(x[:, k].T, u[k], t[k], own, *(a[:, k].T for a in weights))
+            outputs = mapped(x[:, k].T, controls[:, k].T, t[k], own, *(a[:, k].T for a in weights))
             found.append(
-                [rows.T for rows in outputs] if len(u) == 1 else [r.T.copy() for r in outputs]
+                [rows.T for rows in outputs] if len(t) == 1 else [r.T.copy() for r in outputs]
             )
         return [np.stack(parts, axis=1) for parts in zip(*found, strict=True)]
 
@@ -161,7 +176,7 @@ class NodeDynamics:
 
     @cached_property
     def values(self) -> NodeFunction:
-        """f (7,), and g with the integrands (m + k,)."""
+        """f, and g with the integrands (m + k,)."""
         return NodeFunction(self._inputs, [ca.densify(self.traced.f), ca.densify(self.traced.g)])
 
     @cached_property
@@ -179,8 +194,8 @@ class NodeDynamics:
 
     @cached_property
     def second(self) -> NodeFunction:
-        """∂²(μᵀf + νᵀ(g, L))/∂(x, t)², with μ (7,), ν (m + k,)."""
-        mu, nu = ca.SX.sym("mu", N_STATES), ca.SX.sym("nu", self.traced.g.numel())
+        """∂²(μᵀf + νᵀ(g, L))/∂(x, t)², with μ as f, ν (m + k,)."""
+        mu, nu = ca.SX.sym("mu", self.traced.n_states), ca.SX.sym("nu", self.traced.g.numel())
         weighted = ca.dot(mu, self.traced.f) + ca.dot(nu, self.traced.g)
         hessian = ca.hessian(weighted, ca.vertcat(self.traced.x, self.traced.t))[0]
         return NodeFunction([*self._inputs, mu, nu], [hessian])

@@ -140,10 +140,10 @@ def campaign_controls(mission: Mission, campaigns: Mapping[str, Flights]) -> Fig
     figure, panels = panel_grid(labels, len(shown))
     for column, (name, flights) in enumerate(shown.items()):
         model = mission.family(flights.parameters).flight_model(trailing=1)
-        schedule = model.vehicle.angle_of_attack
+        planned = model.angle_of_attack(flights.states.transpose(1, 0, 2), flights.times)
         alive = np.where(np.isfinite(flights.states[:, SPEED]), 1.0, np.nan)
         values = (
-            schedule(flights.times, flights.states[:, SPEED]) * alive + flights.angle_of_attack[()],
+            planned * alive + flights.angle_of_attack[()],
             flights.states[:, BANK],
             flights.bank_rate[()],
         )

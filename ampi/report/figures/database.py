@@ -14,7 +14,7 @@ from ampi.missions.family import MissionFamily
 from ampi.missions.mission import Mission
 from ampi.onboard.reference import Mode
 from ampi.onboard.table import GuidanceTable
-from ampi.physics.state import BANK, SPEED
+from ampi.physics.state import BANK
 from ampi.report.figures.ground_track import (
     TrackBundle,
     draw_ground_tracks,
@@ -100,9 +100,9 @@ def database_states(mission: Mission, table: GuidanceTable) -> Figure:
 def database_controls(mission: Mission, table: GuidanceTable) -> Figure:
     """Angle of attack, bank angle and bank rate of every optimum, with their limits [Fig. 5]."""
     database = HighDensityDatabase.of(table)
-    schedule = table_family(mission, table).flight_model(trailing=1).vehicle.angle_of_attack
+    model = table_family(mission, table).flight_model(trailing=1)
     values = (
-        schedule(database.times, database.states[SPEED]),
+        model.angle_of_attack(database.states, database.times),
         database.states[BANK],
         database.bank_rate,
     )

@@ -20,7 +20,7 @@ from ampi.physics.state import BANK, LONGITUDE, N_STATES
 from ampi.scp.condensed.condensing import MOVING, Cases, CondensedDynamics
 from ampi.scp.condensed.transcription import RadauTranscription
 from ampi.scp.problem.scaled_problem import OptimalControlProblem, by_case
-from ampi.tracing.dynamics import TIME, Entries
+from ampi.tracing.dynamics import Entries
 
 Array = NDArray[np.float64]
 
@@ -96,9 +96,9 @@ class Curvature:
         for (row, column), values in second.items():
             if row in place and column in place:
                 over_states[:, :, place[row], place[column]] = values
-            elif row in place and column == TIME:
+            elif row in place and column == N_STATES:
                 by_time[:, :, place[row]] = values
-            elif row == column == TIME:
+            elif row == column == N_STATES:
                 twice = values
         step = t.node_free[1:] * scale  # of the node's time per δt_f
         # what multiplies δt_f: W_xt of the nodes that move with it, and h(t_f) in −h μᵀ A δx

@@ -44,6 +44,8 @@ class ProblemNumbers:
 
     def share(self, limit: str) -> Any:
         """What an optimum may use of a limit (`PathLimits.names`): 1 − its margin."""
+        if limit.startswith("angle_of_attack"):
+            return self.mission.limits.share(limit)
         return 1.0 - self.section("limits")(f"{limit.partition(' ')[0]}_margin")
 
     def designed(self, limit: str) -> Any:
