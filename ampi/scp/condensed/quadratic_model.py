@@ -99,9 +99,8 @@ def quadratic_subproblem(
         hessian = np.diag(gauss_newton(problem, t, final_time, settings)[0])
     else:
         kinked = np.abs(multipliers.absolute) < settings.kink * absolute.weight
-        held = np.concatenate([target_map[met], rows[kinked]])
-        if path_held is not None:
-            held = np.concatenate([held, path_rows[path_held]])
+        arcs = path_rows[:0] if path_held is None else path_rows[path_held]
+        held = np.concatenate([target_map[met], rows[kinked], arcs])
         hessian = lagrangian_hessian(flight, point, condensed, multipliers)
         floor = settings.floor * float(reference_curvature(problem, t, final_time).mean())
         hessian = convexify_on_tangent(hessian, held, floor)
