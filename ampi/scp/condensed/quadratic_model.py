@@ -94,13 +94,13 @@ def quadratic_subproblem(
     final_time = iterate.batch[2]
     node, kind = np.nonzero(point.path > settings.screening)
     path_rows = condensed.rows(0, node, _limit_gradients(condensed, problem.n_limits)[kind, node])
+    path_held = multipliers.limits[node, kind] > 0.0 if problem.n_controls > 1 else None
     if met is None:
         hessian = np.diag(gauss_newton(problem, t, final_time, settings)[0])
     else:
         kinked = np.abs(multipliers.absolute) < settings.kink * absolute.weight
-        held = np.concatenate([target_map[met], rows[kinked]])
-        if problem.n_controls > 1:
-            held = np.concatenate([held, path_rows[multipliers.limits[node, kind] > 0.0]])
+        arcs = path_rows[:0] if path_held is None else path_rows[path_held]
+        held = np.concatenate([target_map[met], rows[kinked], arcs])
         hessian = lagrangian_hessian(flight, point, condensed, multipliers)
         floor = settings.floor * float(reference_curvature(problem, t, final_time).mean())
         hessian = convexify_on_tangent(hessian, held, floor)
@@ -132,6 +132,7 @@ def quadratic_subproblem(
         path_node=node,
         n_limits=problem.n_limits,
         limit_penalty=0.0,
+        path_held=path_held,
     )
 
 
