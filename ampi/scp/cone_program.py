@@ -80,8 +80,8 @@ def solve_cone_program(
     """Solve Eq. (1).
 
     `quadratic` is upper triangular; the rows of A come in the order of the arguments' names. For
-    `one_dense_block` the factorisation that was measured to be fastest on one is chosen. Rows and columns
-    are `equilibrated` first, or taken as they are.
+    `one_dense_block` the factorisation that was measured to be fastest on one is chosen. Rows and
+    columns are `equilibrated` first, or taken as they are.
     """
     settings = clarabel.DefaultSettings()
     settings.verbose = False

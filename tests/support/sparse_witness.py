@@ -17,11 +17,20 @@ from numpy.typing import NDArray
 
 from ampi.missions import Mission
 from ampi.physics.equations_of_motion import equations_of_motion
-from ampi.physics.state import ENTRY_STATES
+from ampi.physics.state import ANGLE_OF_ATTACK, BANK, STEERED_STATES
 from ampi.pseudospectral.mesh import Mesh
 from ampi.scp.literature.subproblem_builder import MeshIterate
 from tests.support.missions import SCALE
-from tests.support.witness import entry_row, ipopt, numpy_of_symbols, path_limits
+from tests.support.witness import (
+    RATES,
+    cross_range,
+    entry_row,
+    ipopt,
+    numpy_of_symbols,
+    path_limits,
+    rate_limits,
+    scale_of,
+)
 
 Array = NDArray[np.float64]
 SECONDS = 100.0
@@ -30,7 +39,6 @@ IPOPT = {
     "mu_init": 1e-6,
     **dict.fromkeys(("bound_push", "bound_frac", "slack_bound_push", "slack_bound_frac"), 1e-8),
 }
-ANGLES = ("bank_angle", "angle_of_attack")  # that are steered
 
 
 @dataclass(frozen=True)
@@ -53,23 +61,12 @@ class Transcription:
     final_bounds: tuple[float, float] = (1.0, np.inf)  # s
 
 
-def scale(mission: Mission) -> Array:
-    """Of the states that there are."""
-    return np.append(SCALE, np.ones(mission.n_states - len(SCALE)))
-
-
-def rate_limits(mission: Mission) -> Array:
-    """Of the controls, rad/s."""
-    angle = mission.angle_of_attack
-    return np.array([mission.limits.bank_rate] + ([] if angle is None else [angle.rate]))
-
-
 def node_functions(mission: Mission) -> tuple[ca.Function, Array, int]:
     """(x, u, t) → rates, g ≤ 1, insides of the absolute terms and what is integrated as it is.
 
     With the weights of the absolute terms and the number of limits.
     """
-    model, objective, units = mission.flight_model, mission.objective, scale(mission)
+    model, objective, units = mission.flight_model, mission.objective, scale_of(mission)
     most = rate_limits(mission)
     x, u, t = ca.SX.sym("x", len(units)), ca.SX.sym("u", len(most)), ca.SX.sym("t")
     si, turning = x * units, u * most
@@ -82,26 +79,18 @@ def node_functions(mission: Mission) -> tuple[ca.Function, Array, int]:
         inside.append((rates[0] - objective.desired_altitude_rate) / 100.0)
         weight.append(objective.descent_rate * 100.0)
     efforts = (objective.bank_rate_effort, objective.angle_of_attack_effort)
-    smooth = sum(w * (np.degrees(m) * u[k]) ** 2 for k, (w, m) in enumerate(zip(efforts, most)))
+    smooth = sum(efforts[k] * (np.degrees(one) * u[k]) ** 2 for k, one in enumerate(most))
     outputs = [rates / units, g, ca.vertcat(*inside), smooth]
     return ca.Function("node", [x, u, t], outputs), np.array(weight), g.numel()
 
 
 def final_cost(mission: Mission, last: Any, final_time: Any) -> Any:
-    """Flight time, final speed, and cross-range to the left by vectors, of a scaled final state."""
-    objective, entry = mission.objective, mission.entry
-    lon, lat, azimuth = entry.longitude, entry.latitude, entry.azimuth
-    up = np.array([np.cos(lat) * np.cos(lon), np.cos(lat) * np.sin(lon), np.sin(lat)])
-    east = np.array([-np.sin(lon), np.cos(lon), 0.0])
-    heading = np.sin(azimuth) * east + np.cos(azimuth) * np.cross(up, east)
-    left = np.cross(up, heading)
-    end = [ca.cos(last[2]) * ca.cos(last[1]), ca.cos(last[2]) * ca.sin(last[1]), ca.sin(last[2])]
-    across = ca.asin(sum(a * b for a, b in zip(left, end, strict=True)))
-    radius = mission.flight_model.planet.equatorial_radius
+    """Flight time, final speed and cross-range of a scaled final state."""
+    objective = mission.objective
     return (
         objective.flight_time * final_time
         + objective.final_speed * last[3] * SCALE[3]
-        + objective.cross_range * 1e-3 * radius * across
+        + objective.cross_range * cross_range(mission, last[1], last[2])
     )
 
 
@@ -128,18 +117,18 @@ def state_bounds(mission: Mission, at: MeshIterate) -> tuple[Array, Array]:
     """Of the scaled states (n, n_x): limits of the angles, entry state, target."""
     n, n_x = at.states.shape
     low, high = np.full((n, n_x), -np.inf), np.full((n, n_x), np.inf)
-    low[:, 6], high[:, 6] = -mission.limits.bank_angle, mission.limits.bank_angle
+    low[:, BANK], high[:, BANK] = -mission.limits.bank_angle, mission.limits.bank_angle
     angle = mission.angle_of_attack
     if angle is not None and angle.over is None:
-        low[:, 7], high[:, 7] = angle.lower[0], angle.upper[0]
-    low[0, :6] = high[0, :6] = at.states[0, :6]
-    for k, name in enumerate(ANGLES[: n_x - 6], start=6):
-        if getattr(mission.entry, name) is not None:
-            low[0, k] = high[0, k] = getattr(mission.entry, name)
-    for k, name in enumerate(ENTRY_STATES):
-        wish = getattr(mission.target, name)
-        if wish is not None and not (mission.target.position == "free" and k in (1, 2)):
-            low[-1, k], high[-1, k] = np.array(wish) * np.ones(2) / SCALE[k]
+        low[:, ANGLE_OF_ATTACK], high[:, ANGLE_OF_ATTACK] = angle.lower[0], angle.upper[0]
+    for k, name in enumerate(STEERED_STATES[:n_x]):
+        first = getattr(mission.entry, name) if k >= BANK else at.states[0, k]
+        if first is not None:
+            low[0, k] = high[0, k] = first
+        field = mission.target.held_by(name)
+        if field is not None:
+            wish = np.array(getattr(mission.target, field)) * np.ones(2) / scale_of(mission)[k]
+            low[-1, k], high[-1, k] = max(low[-1, k], wish[0]), min(high[-1, k], wish[1])
     return low, high
 
 
@@ -149,9 +138,7 @@ def first_rates(mission: Mission, radau: bool, mesh: Mesh, u: Any) -> tuple[list
     if radau:
         row = ca.DM.zeros(mesh.n_nodes)
         row[1 : rule.degree + 1] = entry_row(rule.nodes[1:])
-    names = [f"{name}_rate" for name in ANGLES[: u.shape[0]]]
-    names[0] = "bank_rate"
-    given = [getattr(mission.entry, name) for name in names]
+    given = [getattr(mission.entry, name) for name in RATES[: u.shape[0]]]
     known = [k for k, rate in enumerate(given) if rate is not None]
     return [u[k, :] @ row for k in known], [given[k] / rate_limits(mission)[k] for k in known]
 
@@ -173,7 +160,8 @@ def witness(mission: Mission, asked: Transcription, at: MeshIterate) -> Optimum:
     found = node.map(n)(at.states.T, at.controls.T, at.mesh.times(at.final)[None])
     start = np.concatenate([start, np.abs(np.array(found[2])).T.ravel()])
     variables = ca.vertcat(ca.vec(x), ca.vec(u), period, ca.vec(a))
-    worth = abs(float(ca.Function("cost", [variables], [cost])(start)))  # an objective near one
+    there = ca.Function("cost", [variables], [cost])(start)
+    worth = 100.0 * weight.sum() or abs(float(there))  # brings the cost to the order of one
     program = {
         "x": variables,
         "f": cost / worth * (at.final / (SECONDS * period) if asked.per_second else 1.0),
@@ -199,6 +187,6 @@ def witness(mission: Mission, asked: Transcription, at: MeshIterate) -> Optimum:
     return Optimum(
         status=found.status,
         cost=found.objective * worth * (final_time / at.final if asked.per_second else 1.0),
-        states=values[: n_x * n].reshape(n, n_x) * scale(mission),
+        states=values[: n_x * n].reshape(n, n_x) * scale_of(mission),
         final_time=final_time,
     )

@@ -6,8 +6,10 @@ reference effort would have). As soon as the target is met to first order, or wh
 settled (a target out of reach), the model takes the whole curvature of the Lagrangian and the
 iteration becomes Newton's.
 
-The Hessian is made convex on the tangent space of what holds the step: the targets that are met and
-the absolute values that sit at their kink.
+The Hessian is made convex on the tangent space of what holds the step: the targets that are met, the
+absolute values that sit at their kink and, of two controls, the limits that held the last step. Along an
+arc on a limit the target's tangent space alone has negative curvature, and clipping it there was tried:
+the steps to the Space Shuttle's optimum then shrink by 0.84 only (59 iterations, not 35).
 """
 
 from __future__ import annotations
@@ -90,16 +92,19 @@ def quadratic_subproblem(
     target_map = condensed.final_map[0, target.state]
     rows = _absolute_rows(flight, point, condensed)
     final_time = iterate.batch[2]
+    node, kind = np.nonzero(point.path > settings.screening)
+    path_rows = condensed.rows(0, node, _limit_gradients(condensed, problem.n_limits)[kind, node])
+    path_held = multipliers.limits[node, kind] > 0.0 if problem.n_controls > 1 else None
     if met is None:
         hessian = np.diag(gauss_newton(problem, t, final_time, settings)[0])
     else:
         kinked = np.abs(multipliers.absolute) < settings.kink * absolute.weight
         held = np.concatenate([target_map[met], rows[kinked]])
+        if path_held is not None:
+            held = np.concatenate([held, path_rows[path_held]])
         hessian = lagrangian_hessian(flight, point, condensed, multipliers)
         floor = settings.floor * float(reference_curvature(problem, t, final_time).mean())
         hessian = convexify_on_tangent(hessian, held, floor)
-    node, kind = np.nonzero(point.path > settings.screening)
-    path_rows = condensed.rows(0, node, _limit_gradients(condensed, problem.n_limits)[kind, node])
     angle_map, lower, upper = _angle_rooms(flight, point, settings)
     m, nodal = condensed.n_controls, condensed.moving[0, :, N_CORE:]
     return ConvexSubproblem(
@@ -128,6 +133,7 @@ def quadratic_subproblem(
         path_node=node,
         n_limits=problem.n_limits,
         limit_penalty=0.0,
+        path_held=path_held,
     )
 
 
