@@ -16,7 +16,7 @@ from ampi.propagation.bank_profile import fly_to_speed
 from ampi.propagation.reintegration import flight_checks, reintegrate, reintegrate_many
 from ampi.propagation.segment_flight import fly_segment
 from ampi.trajectory import Trajectory
-from tests.support.steered import steered_flight, steered_mission
+from tests.support.steered import CONTROL, steered_flight, steered_mission
 
 
 @pytest.fixture(scope="module")
@@ -69,6 +69,23 @@ def test_limits_of_the_angle_are_read_between_the_nodes(
     (check,) = flight_checks(family, flight.mesh, flight.states[None], final_time)
     rate = np.abs(flight.angle_of_attack_rate).max() / np.radians(5.0)
     assert check.use["angle_of_attack_rate"] == pytest.approx(rate, rel=0.01)
+
+
+def test_bounds_over_speed_are_read_along_the_flight(flight: Trajectory) -> None:
+    """The upper one falls to 18° below 1000 m/s, where more than 20° are flown."""
+    over = CONTROL.replace("42.0", "[18.0, 42.0]").replace("10.0", '10.0\nover = "speed"')
+    mission = steered_mission(over.replace("over", "at = [1000.0, 3000.0]\nover"))
+    final_time = np.array([flight.final_time])
+    (check,) = flight_checks(
+        MissionFamily.of([mission]), flight.mesh, flight.states[None], final_time
+    )
+    states, _ = flight.at(np.linspace(0.0, flight.final_time, 2000))
+    bound = np.interp(states[SPEED], [1000.0, 3000.0], np.radians([18.0, 42.0]))
+    used = 1.0 + (states[ANGLE_OF_ATTACK] - bound) / (0.5 * np.radians(32.0))
+    assert check.use["angle_of_attack upper"] == pytest.approx(used.max(), rel=1e-3)
+    assert used.max() > 1.1
+    assert check.use["angle_of_attack lower"] < 1.0
+    assert "angle_of_attack" not in check.use
 
 
 def test_segments_and_profiles_are_flown_under_both_angles(
