@@ -93,7 +93,7 @@ def test_who_steers_along_the_schedule_flies_as_who_follows_it(
         expected = native_loop.fly_batch(short.family(parameters), plain, truth, 2.0)
         off.append(np.abs((flights.final_states - expected.final_states) * METRES.T).max())
     assert off[0] < 300.0
-    assert off[1] == pytest.approx(0.2 * off[0], rel=0.2)
+    assert off[1] < 0.35 * off[0]
     k = expected.peak.shape[1]
     loads = slice(0, k - 2)
     assert flights.peak[:, loads] == pytest.approx(expected.peak[:, loads], rel=1e-2)

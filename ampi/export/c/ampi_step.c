@@ -153,11 +153,10 @@ static double limited_rate(const ampi_guidance *guidance, const double limit[3],
     return next_rate(rate, clipped(command, -down, up), limit[1], a * cycle);
 }
 
-/* What is wanted within the limit, less where the change of the angle of attack is; no number: it stays. */
-static double room_to(double wanted, double change, double ahead, double limit)
+/* The change of the angle of attack that is wanted, within its limit; of no number: it stays. */
+static double change_to(double wanted, double change, double limit)
 {
-    const double known = chosen(fabs(wanted) < AMPI_SANE, wanted, change);
-    return clipped(known, -limit, limit) - ahead;
+    return clipped(chosen(fabs(wanted) < AMPI_SANE, wanted, change), -limit, limit);
 }
 
 /* Changes the angle of attack towards what is wanted, and stops there in time. */
@@ -166,7 +165,7 @@ static void modulate(ampi_guidance *guidance, const double limit[3], double want
     const double cycle = guidance->longest, last = guidance->change_rate;
     const double a = limit[2] * (guidance->shortest / cycle);
     const double ahead = guidance->change + 0.5 * last * cycle;
-    const double room = room_to(wanted, guidance->change, ahead, limit[0]);
+    const double room = change_to(wanted, guidance->change, limit[0]) - ahead;
     const double asked = copysign(stopping_rate(fabs(room), a, cycle), room);
 
     guidance->change_rate = limited_rate(guidance, limit, guidance->change, last, asked);
