@@ -12,6 +12,7 @@ from ampi.guidance import Guidance
 from ampi.loading import load_guidance
 from ampi.missions.mission import Mission
 from ampi.simulation import closed_loop, native_loop
+from ampi.tracking.angle_limiter import AngleRange
 from tests.native.conftest import LAWS
 from tests.native.test_native_loop import METRES, assert_same_flights, flown
 from tests.support.databases import small_database
@@ -53,7 +54,7 @@ def told_the_schedule(guidance: Guidance, mission: Mission) -> Guidance:
         guidance.limits,
         law=guidance.law,
         modulation=guidance.modulation,
-        angles=(0.1, 0.8),
+        angles=AngleRange(0.1, 0.8, 0.1),
         cycle=0.5,
     )
 

@@ -20,8 +20,8 @@ static void restart(ampi_guidance *guidance, const ampi_table *table)
 /* Nothing has been commanded yet. */
 static void forget(ampi_guidance *guidance)
 {
-    guidance->rate = guidance->bank = AMPI_NAN;
-    guidance->angle = guidance->change = guidance->change_rate = 0.0;
+    guidance->rate = guidance->bank = guidance->angle = AMPI_NAN;
+    guidance->change = guidance->change_rate = 0.0;
     (void)memset(guidance->memory, 0, sizeof guidance->memory);
 }
 
@@ -172,6 +172,16 @@ static void modulate(ampi_guidance *guidance, const double limit[3], double want
     guidance->change += 0.5 * (last + guidance->change_rate) * guidance->expected;
 }
 
+/* Of a vehicle without a schedule: the reference's angle of attack and its change, within the bounds of the
+   angle; a reference that jumps, as one that is looked up by energy may, is followed at its rate. */
+static double steered_angle(const ampi_guidance *guidance, const ampi_table *table)
+{
+    const double *limit = table->set.angle, most_of_all = limit[2] * guidance->expected;
+    const double wanted = clipped(guidance->row[table->angle_row] + guidance->change, limit[0], limit[1]);
+    const double last = chosen(guidance->angle != guidance->angle, wanted, guidance->angle);
+    return clipped(wanted, last - most_of_all, last + most_of_all);
+}
+
 /* Without the table that the flight was begun with: the bank angle of the last command is held, and its
    rate taken away within the limit of acceleration. All zero before any command, and of zeroed memory. */
 static ampi_command held(ampi_guidance *guidance)
@@ -244,11 +254,7 @@ ampi_command ampi_guidance_step(ampi_guidance *guidance, const ampi_table *table
     guidance->rate = limited_rate(guidance, guidance->limit, bank, last, wanted);
     guidance->bank = bank + 0.5 * (rate + guidance->rate) * guidance->expected;
     if (table->set.modulation[0] > 0.0) { modulate(guidance, table->set.modulation, angle); }
-    guidance->angle = guidance->change;
-    if (table->angle_row != 0u) {
-        guidance->angle = clipped(guidance->row[table->angle_row] + guidance->change,
-                                  table->set.angle[0], table->set.angle[1]);
-    }
+    guidance->angle = (table->angle_row != 0u) ? steered_angle(guidance, table) : guidance->change;
     command.bank_rate = guidance->rate;
     command.bank_angle = guidance->bank;
     command.angle_of_attack = guidance->angle;
