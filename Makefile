@@ -9,7 +9,7 @@ export OPENBLAS_NUM_THREADS = 1
 # first (tests/conftest.py). A test that hangs fails after so many seconds, and is named.
 TWO = -n 2 --dist loadfile --no-loadscope-reorder --timeout 300
 
-.PHONY: demo test quick lint types contracts check benchmark benchmark-factory benchmark-worlds benchmark-roads benchmark-flight-code benchmark-orders benchmark-solver flight-code docs notebooks wheel lock clean
+.PHONY: demo test quick lint types contracts check benchmark benchmark-factory benchmark-modulation benchmark-worlds benchmark-roads benchmark-flight-code benchmark-orders benchmark-solver flight-code docs notebooks wheel lock clean
 
 demo: $(VENV)/.demo
 	mkdir -p demo
@@ -43,6 +43,9 @@ benchmark-factory: $(VENV)/.test
 
 benchmark-roads: $(VENV)/.test
 	$(BIN)/python scripts/compare_roads.py demo --page docs/results.md
+
+benchmark-modulation: $(VENV)/.test
+	$(BIN)/python scripts/compare_modulation.py demo --page docs/results.md
 
 benchmark-worlds: $(VENV)/.test
 	$(BIN)/python scripts/benchmark_worlds.py demo --page docs/results.md

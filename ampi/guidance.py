@@ -23,7 +23,7 @@ from ampi.compiled_cycle import CompiledCycle, why_not_compiled
 from ampi.correction.corrected_cycle import CorrectedCycle
 from ampi.correction.onboard_correction import Correction
 from ampi.correction.state import CorrectionState
-from ampi.export.blob import ANY_ANGLE, Kind, table_blob
+from ampi.export.blob import Kind, table_blob
 from ampi.export.model_blob import model_blob
 from ampi.guidance_cycle import GuidanceCycle
 from ampi.onboard.certificate import Certificate, Certifier
@@ -35,7 +35,7 @@ from ampi.onboard.reference import Mode, Reference, ReferenceGenerator
 from ampi.onboard.row_layout import N_STATES
 from ampi.onboard.subspace import Order
 from ampi.onboard.table import GuidanceTable
-from ampi.tracking.angle_limiter import ModulationLimits
+from ampi.tracking.angle_limiter import ANY_ANGLE, AngleRange, ModulationLimits
 from ampi.tracking.bank_limiter import BankLimits
 from ampi.tracking.law import TrackingLaw
 from ampi.tracking.linear_quadratic import LinearQuadratic
@@ -54,8 +54,8 @@ class Guidance:
 
     `limits` are the nominal vehicle's; `limit_axes` names those of them that are parameters, each with
     its place in p: they are then what was measured. `law` tracks the reference; `modulation` limits the
-    change of the angle of attack that it, or a plan, may ask for. `angles` are the least and the
-    greatest angle of attack (rad) of a vehicle without a schedule.
+    change of the angle of attack that it, or a plan, may ask for. `angles` is where the
+    angle of attack of a vehicle without a schedule may be.
 
     It measures its cycle from the times that it is given (`ampi.onboard.clock`): `reset`, or the first
     command after a new reference whose time does not go on, begins a flight. `cycle` (s) is the nominal
@@ -72,7 +72,7 @@ class Guidance:
         *,
         law: TrackingLaw | None = None,
         modulation: ModulationLimits | None = None,
-        angles: tuple[float, float] | None = None,
+        angles: AngleRange = ANY_ANGLE,
         cycle: float | None = None,
         limit_axes: Mapping[str, int] | None = None,
         mission_sha256: str | None = None,
@@ -253,7 +253,7 @@ class Guidance:
             self._stated_cycle,
             self.correction,
             modulation=self.modulation if self.modulates else None,
-            angles=self.angles or ANY_ANGLE,
+            angles=self.angles,
         )
 
     @cached_property

@@ -17,7 +17,7 @@ from ampi.onboard.flown_references import FlownReferences
 from ampi.onboard.health import Health, Steering
 from ampi.onboard.plausibility import BANK, SANE, on_turn_of
 from ampi.onboard.row_layout import N_STATES
-from ampi.tracking.angle_limiter import ModulationLimits, modulation_rate
+from ampi.tracking.angle_limiter import ANY_ANGLE, AngleRange, ModulationLimits, modulation_rate
 from ampi.tracking.bank_limiter import NEAR_INVERTED, BankLimits, bank_on_turn, limited_rate
 from ampi.tracking.law import Told, TrackingLaw
 
@@ -37,14 +37,14 @@ class GuidanceCycle:
         correction: Correction | None = None,
         *,
         modulation: ModulationLimits | None = None,
-        angles: tuple[float, float],
+        angles: AngleRange = ANY_ANGLE,
     ) -> None:
         self._flown, self._law, self._table = flown, law, flown.table
         self._clock = CycleClock(stated_cycle)
         self.tracked = np.full((len(self._table.layout), len(flown)), np.nan)
         self._limits: BankLimits | None = None  # nothing is flown yet
         self._modulation = modulation  # None: the angle of attack stays as it is
-        self._angles = angles  # rad, between which one that steers stays
+        self._angles = angles  # of a vehicle that steers its own
         # what corrects the plans, if anything does
         self.corrected = None if correction is None else CorrectedCycle(correction, flown)
         self._forget()
@@ -79,7 +79,7 @@ class GuidanceCycle:
     def _forget(self) -> None:
         """Nothing has been commanded yet."""
         n = len(self._flown)
-        self._rate, self._bank = np.full((2, n), np.nan)
+        self._rate, self._bank, self._angle = np.full((3, n), np.nan)
         self._change, self._change_rate = np.zeros((2, n))  # of the angle of attack
         self._memory = self._law.memory(n)
 
@@ -153,8 +153,8 @@ class GuidanceCycle:
         self._rate, self._bank = new, bank + 0.5 * (rate + new) * clock.expected
         angle = self._modulated(change)
         if layout.angle_of_attack is not None:
-            least, most = self._angles
-            angle = np.minimum(np.maximum(at[layout.angle_of_attack] + angle, least), most)
+            wanted = at[layout.angle_of_attack] + angle
+            self._angle = angle = self._angles.followed(wanted, self._angle, clock.expected)
         return Command(new, self._bank, angle, steering, health)
 
     def _modulated(self, wanted: Array) -> Array:

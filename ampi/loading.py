@@ -23,7 +23,7 @@ from ampi.onboard_model import certifier_of, correction_of
 from ampi.physics.state import N_STATES
 from ampi.pseudospectral.mesh import Mesh
 from ampi.table_sensitivities import loads, steered_gains, table_sensitivities
-from ampi.tracking.angle_limiter import ModulationLimits
+from ampi.tracking.angle_limiter import ANY_ANGLE, AngleRange, ModulationLimits
 from ampi.tracking.bank_limiter import BankLimits
 from ampi.tracking.drag_shuttle import DragShuttle
 from ampi.tracking.drag_sliding_mode import DragSlidingMode
@@ -280,10 +280,12 @@ def modulation_limits(mission: Mission) -> ModulationLimits | None:
     )
 
 
-def _angles(mission: Mission) -> tuple[float, float] | None:
-    """Least and greatest angle of attack (rad) of a vehicle that steers it."""
+def _angles(mission: Mission) -> AngleRange:
+    """Where a vehicle that steers its angle of attack may; of bounds that vary, the widest."""
     control = mission.angle_of_attack
-    return None if control is None else (min(control.lower), max(control.upper))
+    if control is None:
+        return ANY_ANGLE
+    return AngleRange(min(control.lower), max(control.upper), control.rate)
 
 
 def _correction(mission: Mission, given: Correction | str) -> Correction | None:

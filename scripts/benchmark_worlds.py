@@ -55,7 +55,7 @@ def campaigns(folder: Path, n: int) -> dict[str, ampi.Flights]:
 
 def paper(folder: Path, n: int) -> dict[str, ampi.Flights]:
     """The paper's comparison: its kind of tracker, its dispersions, its number of flights."""
-    guidance = ampi.load_guidance(_database("shefex3", folder), law=PAPER_LAW)
+    guidance = ampi.load_guidance(_database("shefex3", folder), law=PAPER_LAW, modulate=True)
     schemes = {mode: ampi.Scheme(guidance.in_mode(mode), "entry") for mode in PAPER}
     mission, output = ampi.load_mission("shefex3"), folder / "paper.h5"
     return ampi.fly_schemes(mission, schemes, n, output=output, n_jobs=JOBS)

@@ -2,7 +2,7 @@
 
 python scripts/compare_modulation.py FOLDER [--flights 300] [--pool reported] [--page docs/results.md]
 
-The database is built into FOLDER, if it is not there; flights are kept, and a run that was stopped goes on.
+The database is built into FOLDER, if it is not there; flights are kept: a run that was stopped goes on.
 """
 
 from __future__ import annotations

@@ -10,8 +10,8 @@
       segments   s of uint32 low-density nodes, high-density points, 0, 0; float64 (a, b) of its begin,
                  and of half its length, t = a + b t_f
       settings   float64: limits of bank angle, rate, acceleration; nominal cycle; the same limits of
-                 the change of the angle of attack, 0: there is none; least and greatest angle of attack;
-                 middle and reach of plausible states (7 each); 16 gains of the law
+                 the change of the angle of attack, 0: there is none; least and greatest angle of attack,
+                 and its rate; middle and reach of plausible states (7 each); 16 gains of the law
       points     of each axis, float64
       matrix     of each segment: its nodes τ and their weights, padded to those of the widest; then its
                  part of the LD→HD matrix, [nodes][points]
@@ -40,7 +40,7 @@ from ampi.onboard.reference import Mode
 from ampi.onboard.row_layout import RowLayout
 from ampi.onboard.subspace import Order
 from ampi.onboard.table import GuidanceTable
-from ampi.tracking.angle_limiter import ModulationLimits
+from ampi.tracking.angle_limiter import ANY_ANGLE, AngleRange, ModulationLimits
 from ampi.tracking.bank_limiter import AngleLimits, BankLimits
 from ampi.tracking.drag_reference import DragReference
 from ampi.tracking.drag_shuttle import DragShuttle
@@ -58,7 +58,6 @@ HEADER, SIZES = 32, 64  # bytes
 AXIS, SEGMENT = 40, 48  # of one
 TEXT = 14  # place of its length among the sizes
 N_GAINS = 16
-ANY_ANGLE = (-np.pi, np.pi)
 NO_AXIS = 0xFFFFFFFF
 # by their numbers in C
 LAWS = (LinearQuadratic, DragSlidingMode, DragShuttle)
@@ -81,7 +80,7 @@ def table_blob(
     limits: BankLimits,
     *,
     modulation: ModulationLimits | None = None,
-    angles: tuple[float, float] | None = None,
+    angles: AngleRange = ANY_ANGLE,
     mode: Mode | str = Mode.AMPI,
     orders: Sequence[Order] | None = None,
     limit_axes: Mapping[str, int] | None = None,
@@ -98,7 +97,7 @@ def table_blob(
     modulation
         Limits of the change of the angle of attack; None: it is never changed.
     angles
-        Least and greatest angle of attack (rad) of a vehicle without a schedule; None: any.
+        Where the angle of attack of a vehicle without a schedule may be.
     mode, orders, limit_axes, cycle
         As `Guidance` takes them.
     kind
@@ -120,7 +119,7 @@ def table_blob(
         law,
         limits,
         modulation=modulation,
-        angles=angles or ANY_ANGLE,
+        angles=angles,
         mode=mode,
         limit_axes=limit_axes or {},
         cycle=cycle,
@@ -174,7 +173,7 @@ class _Flown:
     law: TrackingLaw = field(kw_only=False)
     limits: BankLimits = field(kw_only=False)
     modulation: ModulationLimits | None
-    angles: tuple[float, float]
+    angles: AngleRange
     mode: Mode
     limit_axes: Mapping[str, int]
     cycle: float | None
@@ -248,7 +247,8 @@ class _Flown:
         cycle = NOMINAL_CYCLE if self.cycle is None else self.cycle
         gains = _gains(self.law)
         changes = [0.0] * len(limits) if changed is None else _sizes_of(changed)
-        settings = [*limits, cycle, *changes, *self.angles, *envelope.middle, *envelope.reach]
+        angles = [self.angles.least, self.angles.greatest, self.angles.rate]
+        settings = [*limits, cycle, *changes, *angles, *envelope.middle, *envelope.reach]
         settings += [*gains, *[0.0] * (N_GAINS - len(gains))]
         matrix: list[Array] = []
         for s, (first, count) in enumerate(zip(segments.first_node, segments.counts, strict=True)):

@@ -70,7 +70,7 @@ class CodeSizes:
                 _Word * 16,
                 _structure(_Word * 4, _Number * 3) * a,
                 _structure(_Word * 4, _Number * 4) * s,
-                _Number * (4 + 5 + 2 * 7 + 16),
+                _Number * (4 + 6 + 2 * 7 + 16),
                 _Place * (1 + 2 * a + 3 * s + 6),
                 _Word * 2,
             )

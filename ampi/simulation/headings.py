@@ -18,6 +18,7 @@ from ampi.simulation.flights import DENSITY, WIND, Flights
 from ampi.simulation.flights_schema import FIELDS, FLIGHT, SCALES, TIME
 from ampi.simulation.tolerances import Tolerances
 from ampi.simulation.world import World
+from ampi.tracking.angle_limiter import ANY_ANGLE
 
 Arrays = Mapping[str, NDArray[Any]]
 
@@ -68,7 +69,7 @@ def digest_of(guidance: Guidance) -> str:
     words: tuple[Any, ...] = (guidance.law, guidance.limits, guidance.limit_axes, shape)
     if guidance.modulates:
         words = (*words, guidance.modulation, guidance.law.modulates)
-    if guidance.angles is not None:
+    if guidance.angles != ANY_ANGLE:
         words = (*words, guidance.angles)
     arrays = (*table.axes, table.values, table.final_time, table.conversion)
     found = hashlib.sha256(repr(words).encode())

@@ -7,6 +7,7 @@ and it passes the limiter of the bank angle: the same law, of another angle.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -18,6 +19,31 @@ class ModulationLimits(AngleLimits):
     """Of δα."""
 
     of = "modulation"
+
+
+@dataclass(frozen=True)
+class AngleRange:
+    """Of the angle of attack of a vehicle without a schedule, and how fast it is steered."""
+
+    least: float  # rad
+    greatest: float  # rad
+    rate: float  # rad/s, ±
+
+    def __post_init__(self) -> None:
+        if not (self.least < self.greatest and 0.0 < self.rate < np.inf):
+            raise ValueError(
+                "angles: expected a least angle below the greatest (rad), and a positive rate (rad/s), "
+                f"got {self.least}, {self.greatest}, {self.rate}"
+            )
+
+    def followed(self, wanted: Any, last: Any, cycle: float) -> Any:
+        """The angle (rad) nearest to `wanted` after a cycle (s) from the `last` one; NaN: any."""
+        inside = np.minimum(np.maximum(wanted, self.least), self.greatest)
+        last, most = np.where(np.isnan(last), inside, last), self.rate * cycle
+        return np.minimum(np.maximum(inside, last - most), last + most)
+
+
+ANY_ANGLE = AngleRange(-np.pi, np.pi, 1e6)
 
 
 def modulation_rate(

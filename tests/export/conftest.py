@@ -14,7 +14,7 @@ from ampi.loading import segments_of
 from ampi.onboard.row_layout import DRAG_TRACKING
 from ampi.onboard.table import GuidanceTable
 from ampi.pseudospectral.mesh import Mesh, Phase
-from ampi.tracking.angle_limiter import ModulationLimits
+from ampi.tracking.angle_limiter import AngleRange, ModulationLimits
 from ampi.tracking.bank_limiter import BankLimits
 from ampi.tracking.drag_shuttle import DragShuttle
 from ampi.tracking.drag_sliding_mode import DragSlidingMode
@@ -28,7 +28,7 @@ LawMaker = Callable[..., Guidance]
 MESH = Mesh((Phase((3,), 30.0), Phase((6, 4))))
 MU, RADIUS = 3.986004418e14, 6.378137e6
 LIMITS = BankLimits(1.2, 0.15, 0.08)
-MODULATION, ANGLES = ModulationLimits(0.08, 0.09, 0.07), (0.2, 0.75)
+MODULATION, ANGLES = ModulationLimits(0.08, 0.09, 0.07), AngleRange(0.2, 0.75, 0.02)
 LAWS: dict[str, TrackingLaw] = {
     "linear_quadratic": LinearQuadratic(),
     "drag_shuttle": DragShuttle(gravitational_parameter=MU, radius=RADIUS),

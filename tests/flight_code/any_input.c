@@ -9,7 +9,7 @@
 #define SIZE 16384u
 
 typedef struct {
-    uint32_t kind, law, rows, points[2], order[2], holes;
+    uint32_t kind, law, rows, points[2], order[2], holes, modulates;
 } layout;
 
 static unsigned char blob[SIZE];
@@ -29,7 +29,7 @@ static size_t make(const layout *made)
     static const uint32_t BYTES[3] = {8u, 4u, 2u};
     const uint32_t columns = made->rows * N_NODES + 1u, vertices = made->points[0] * made->points[1];
     const uint32_t sizes[16] = {made->kind, made->law, 2u, made->rows, N_NODES, N_POINTS, 2u, WIDEST,
-                                1u, 1u, 0u, 1u, 0xFFFFFFFFu, made->holes, 0u, 0u};
+                                1u, 1u, 0u, 1u, 0xFFFFFFFFu, made->holes, 0u, made->modulates};
     const uint32_t axes[2][4] = {{made->points[0], made->order[0], 1u, 0u},
                                  {made->points[1], made->order[1], 0u, 0u}};
     const uint32_t segments[2][4] = {{3u, 9u, 0u, 0u}, {4u, 2u, 0u, 0u}};
@@ -45,7 +45,7 @@ static size_t make(const layout *made)
     Frama_C_make_unknown((char *)blob, SIZE);
     (void)memcpy(blob, magic, sizeof magic);
     put(8u, 0x01020304u);
-    put(12u, 1u);
+    put(12u, 2u);
     put(16u, (uint32_t)(size - 32u));
     for (i = 0u; i < 16u; i++) {
         put(32u + 4u * i, sizes[i]);
@@ -93,12 +93,12 @@ static void any_flight(const layout *made)
 #ifndef PART /* of any_correction.c */
 int main(void)
 {
-    const layout linear = {AMPI_FLOAT64, AMPI_LINEAR_QUADRATIC, N_LINEAR_ROWS, {2u, 4u},
-                           {AMPI_LINEAR, AMPI_CUBIC}, 0u};
+    const layout linear = {AMPI_FLOAT64, AMPI_LINEAR_QUADRATIC, N_STEERED_ROWS + 1, {2u, 4u},
+                           {AMPI_LINEAR, AMPI_CUBIC}, 0u, 1u};
     const layout shuttle = {AMPI_FLOAT32, AMPI_DRAG_SHUTTLE, N_DRAG_ROWS, {3u, 3u},
-                            {AMPI_NEAREST, AMPI_QUADRATIC}, 1u};
+                            {AMPI_NEAREST, AMPI_QUADRATIC}, 1u, 1u};
     const layout sliding = {AMPI_INT16, AMPI_DRAG_SLIDING_MODE, N_DRAG_ROWS, {4u, 1u},
-                            {AMPI_SECOND_DIFFERENCES, AMPI_LINEAR}, 0u};
+                            {AMPI_SECOND_DIFFERENCES, AMPI_LINEAR}, 0u, 0u};
     fly();
     any_flight(&linear);
     any_flight(&shuttle);

@@ -19,6 +19,7 @@ from ampi.export.blob import _segments_of_points
 from ampi.guidance import Guidance
 from ampi.onboard.subspace import Order
 from ampi.pseudospectral.mesh import Mesh, Phase
+from ampi.tracking.angle_limiter import ANY_ANGLE
 from tests.export.conftest import ANGLES, LAWS, LIMITS, MODULATION, entry_table
 from tests.support.flight_blobs import blob_of, numpy_commands, recorded, some_parameters
 
@@ -58,7 +59,7 @@ def guidance_of(name: str) -> Guidance:
         return Guidance(
             replace(table, solved=solved), LIMITS, mode, law=LAWS[law], orders=orders,
             limit_axes={"angle": 2}, engine="numpy", modulation=MODULATION,
-            angles=ANGLES if name == "curved" else None,
+            angles=ANGLES if name == "curved" else ANY_ANGLE,
         )  # fmt: skip
     return Guidance(
         table, LIMITS, mode, law=LAWS[law], orders=orders, cycle=0.5, engine="numpy",
@@ -126,7 +127,7 @@ def damages(guidance: Guidance, blob: bytes) -> Iterator[tuple[int, bytes, int, 
     for i, value in ((0, -1.0), (1, 0.0), (2, np.nan), (3, 1e-4), (4, change), (5, np.inf)):
         yield settings + 8 * i, real.pack(value), 1, INCONSISTENT
     if len(guidance.table.axes[0]) > 1 and guidance.mode.value != "nominal":
-        yield settings + 8 * 39 + 8, real.pack(-1e9), 1, INCONSISTENT
+        yield settings + 8 * 40 + 8, real.pack(-1e9), 1, INCONSISTENT
     end = len(blob) - (0 if table.solved is None else -(-table.final_time.size // 8) * 8)
     kind = word.unpack_from(blob, HEADER)[0]
     if kind < 2:

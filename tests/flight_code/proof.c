@@ -125,16 +125,15 @@ void proof_limiter(void)
 #endif
 }
 
-/* The limiter of the angle of attack, whatever is wanted, NaN too: the way that is left is a number, and
-   leads to no change beyond its limit. Its rate then passes `proof_limiter`, as that of the bank angle. */
+/* The limiter of the angle of attack: whatever is wanted, NaN too, it moves to a change within its limit. Its
+   rate there passes `proof_stopping` and `proof_limiter`, as that of the bank angle does. */
 void proof_modulation(void)
 {
-    const double most_of_all = nondet_double(), change = nondet_double(), ahead = nondet_double();
-    double room;
-    __ESBMC_assume((most_of_all > 0.0) && (most_of_all <= 2.0) && (fabs(change) <= most_of_all));
-    __ESBMC_assume(fabs(ahead) <= 1e3);
-    room = room_to(nondet_double(), change, ahead, most_of_all);
-    __ESBMC_assert((room >= (-most_of_all - ahead)) && (room <= (most_of_all - ahead)), "within");
+    const double limit = nondet_double(), change = nondet_double();
+    double told;
+    __ESBMC_assume((limit > 0.0) && (limit <= AMPI_SANE) && (fabs(change) <= limit));
+    told = change_to(nondet_double(), change, limit);
+    __ESBMC_assert((told >= -limit) && (told <= limit), "within");
 }
 
 /* What `limited_rate` asks of it is a number for every finite command. */

@@ -15,7 +15,7 @@ from ampi.guidance import Guidance
 from ampi.loading import LAWS, guidance_of, load_guidance
 from ampi.missions.mission import Mission
 from ampi.simulation.headings import digest_of, law_name
-from ampi.tracking.angle_limiter import ModulationLimits
+from ampi.tracking.angle_limiter import AngleRange, ModulationLimits
 from ampi.tracking.bank_limiter import BankLimits
 from ampi.tracking.linear_quadratic import LinearQuadratic
 
@@ -76,7 +76,7 @@ def test_a_vehicle_without_a_schedule_is_told_the_row_and_the_change_within_its_
         loaded.limits,
         law=loaded.law,
         modulation=loaded.modulation,
-        angles=(least, most),
+        angles=AngleRange(least, most, 1.0),
         cycle=CYCLE,
     )
     angles = commanded(steered, mission, off, 1.0)

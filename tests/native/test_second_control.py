@@ -12,6 +12,7 @@ from ampi.guidance import Guidance
 from ampi.loading import load_guidance
 from ampi.missions.mission import Mission
 from ampi.simulation import closed_loop, native_loop
+from ampi.tracking.angle_limiter import AngleRange
 from tests.native.conftest import LAWS
 from tests.native.test_native_loop import METRES, assert_same_flights, flown
 from tests.support.databases import small_database
@@ -53,7 +54,7 @@ def told_the_schedule(guidance: Guidance, mission: Mission) -> Guidance:
         guidance.limits,
         law=guidance.law,
         modulation=guidance.modulation,
-        angles=(0.1, 0.8),
+        angles=AngleRange(0.1, 0.8, 0.1),
         cycle=0.5,
     )
 
@@ -93,7 +94,7 @@ def test_who_steers_along_the_schedule_flies_as_who_follows_it(
         expected = native_loop.fly_batch(short.family(parameters), plain, truth, 2.0)
         off.append(np.abs((flights.final_states - expected.final_states) * METRES.T).max())
     assert off[0] < 300.0
-    assert off[1] == pytest.approx(0.2 * off[0], rel=0.2)
+    assert off[1] < 0.35 * off[0]
     k = expected.peak.shape[1]
     loads = slice(0, k - 2)
     assert flights.peak[:, loads] == pytest.approx(expected.peak[:, loads], rel=1e-2)

@@ -80,7 +80,7 @@ const Table = (() => {
       node += u32(at) - 1; // neighbours share one
       point += u32(at + 4);
     }
-    at += 8 * (4 + 5 + 14 + 16);
+    at += 8 * (4 + 6 + 14 + 16);
     for (const axis of table.axes) {
       axis.points = numbers(at, axis.count);
       at += 8 * axis.count;

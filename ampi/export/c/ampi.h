@@ -79,7 +79,7 @@ typedef struct {
     struct {
         double limit[3], cycle; /* bank angle, rate, acceleration; s, nominal */
         double modulation[3];   /* the same of the change of the angle of attack; 0: there is none */
-        double angle[2];        /* rad: the angle of attack itself, least and greatest */
+        double angle[3];        /* of the angle of attack itself: least and greatest, rad; rate, rad/s */
         double middle[AMPI_N_STATES], reach[AMPI_N_STATES]; /* plausible: |x - middle| <= reach */
         double gain[AMPI_N_GAINS];                          /* of the law */
     } set;
@@ -108,7 +108,7 @@ typedef struct {
     double row[AMPI_MAX_ROWS];     /* of the reference, where the last command looked it up */
     double memory[AMPI_N_MEMORY];  /* of the law */
     double limit[3];               /* bank angle, rate, acceleration of this vehicle */
-    double rate, bank, angle;      /* last command; NaN before the first, the angle of attack 0 */
+    double rate, bank, angle;      /* last command; NaN before the first */
     double change, change_rate;    /* of the angle of attack, as commanded */
     double asked_rate, asked_angle; /* by a plan (ampi_correction.h), if `is_asked` */
     double given, now, interval, shortest, longest, expected; /* the clock, s */

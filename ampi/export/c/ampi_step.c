@@ -20,8 +20,8 @@ static void restart(ampi_guidance *guidance, const ampi_table *table)
 /* Nothing has been commanded yet. */
 static void forget(ampi_guidance *guidance)
 {
-    guidance->rate = guidance->bank = AMPI_NAN;
-    guidance->angle = guidance->change = guidance->change_rate = 0.0;
+    guidance->rate = guidance->bank = guidance->angle = AMPI_NAN;
+    guidance->change = guidance->change_rate = 0.0;
     (void)memset(guidance->memory, 0, sizeof guidance->memory);
 }
 
@@ -153,11 +153,10 @@ static double limited_rate(const ampi_guidance *guidance, const double limit[3],
     return next_rate(rate, clipped(command, -down, up), limit[1], a * cycle);
 }
 
-/* What is wanted within the limit, less where the change of the angle of attack is; no number: it stays. */
-static double room_to(double wanted, double change, double ahead, double limit)
+/* The change of the angle of attack that is wanted, within its limit; of no number: it stays. */
+static double change_to(double wanted, double change, double limit)
 {
-    const double known = chosen(fabs(wanted) < AMPI_SANE, wanted, change);
-    return clipped(known, -limit, limit) - ahead;
+    return clipped(chosen(fabs(wanted) < AMPI_SANE, wanted, change), -limit, limit);
 }
 
 /* Changes the angle of attack towards what is wanted, and stops there in time. */
@@ -166,11 +165,21 @@ static void modulate(ampi_guidance *guidance, const double limit[3], double want
     const double cycle = guidance->longest, last = guidance->change_rate;
     const double a = limit[2] * (guidance->shortest / cycle);
     const double ahead = guidance->change + 0.5 * last * cycle;
-    const double room = room_to(wanted, guidance->change, ahead, limit[0]);
+    const double room = change_to(wanted, guidance->change, limit[0]) - ahead;
     const double asked = copysign(stopping_rate(fabs(room), a, cycle), room);
 
     guidance->change_rate = limited_rate(guidance, limit, guidance->change, last, asked);
     guidance->change += 0.5 * (last + guidance->change_rate) * guidance->expected;
+}
+
+/* Of a vehicle without a schedule: the reference's angle of attack and its change, within the bounds of the
+   angle; a reference that jumps, as one that is looked up by energy may, is followed at its rate. */
+static double steered_angle(const ampi_guidance *guidance, const ampi_table *table)
+{
+    const double *limit = table->set.angle, most_of_all = limit[2] * guidance->expected;
+    const double wanted = clipped(guidance->row[table->angle_row] + guidance->change, limit[0], limit[1]);
+    const double last = chosen(guidance->angle != guidance->angle, wanted, guidance->angle);
+    return clipped(wanted, last - most_of_all, last + most_of_all);
 }
 
 /* Without the table that the flight was begun with: the bank angle of the last command is held, and its
@@ -245,11 +254,7 @@ ampi_command ampi_guidance_step(ampi_guidance *guidance, const ampi_table *table
     guidance->rate = limited_rate(guidance, guidance->limit, bank, last, wanted);
     guidance->bank = bank + 0.5 * (rate + guidance->rate) * guidance->expected;
     if (table->set.modulation[0] > 0.0) { modulate(guidance, table->set.modulation, angle); }
-    guidance->angle = guidance->change;
-    if (table->angle_row != 0u) {
-        guidance->angle = clipped(guidance->row[table->angle_row] + guidance->change,
-                                  table->set.angle[0], table->set.angle[1]);
-    }
+    guidance->angle = (table->angle_row != 0u) ? steered_angle(guidance, table) : guidance->change;
     command.bank_rate = guidance->rate;
     command.bank_angle = guidance->bank;
     command.angle_of_attack = guidance->angle;
