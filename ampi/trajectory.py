@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ampi.missions.path_limits import KEPT
 from ampi.outcome import Outcome
-from ampi.physics.state import BANK, N_STATES
+from ampi.physics.state import ANGLE_OF_ATTACK, BANK, N_STATES
 from ampi.pseudospectral.mesh import Mesh
 from ampi.shown import Tabulated
 
@@ -170,9 +170,14 @@ class Trajectory(Tabulated):
         return self.mesh.times(self.final_time)
 
     def at(self, times: ArrayLike) -> tuple[Array, Array]:
-        """States (7, n) and bank rate (n,) at `times` (s), by the mesh's own polynomials."""
+        """States (7 or 8, n) and bank rate (n,) at `times` (s), by the mesh's own polynomials."""
         matrix = self.mesh.conversion(np.atleast_1d(np.asarray(times, float)), self.final_time)
         return self.states @ matrix.T, matrix @ self.bank_rate
+
+    def controls_at(self, times: ArrayLike) -> Array:
+        """`controls` (m, n) at `times` (s), by the same."""
+        matrix = self.mesh.conversion(np.atleast_1d(np.asarray(times, float)), self.final_time)
+        return self.controls @ matrix.T
 
     def judged_by(self, flight: FlightCheck) -> Trajectory:
         """With what its flight found: solved only if that is the flight of the nodes."""
@@ -186,6 +191,13 @@ class Trajectory(Tabulated):
     def summary(self) -> dict[str, Any]:
         """Plain numbers for printing (degrees, kilometres)."""
         h, lon, lat, v = self.states[:4, -1]
+        angles = np.degrees(self.states[ANGLE_OF_ATTACK:])
+        steered = {}
+        if len(angles):
+            steered = {
+                "least_angle_of_attack_deg": float(angles.min()),
+                "greatest_angle_of_attack_deg": float(angles.max()),
+            }
         flight = self.statistics.flight
         flown = {}
         if flight is not None:
@@ -204,6 +216,7 @@ class Trajectory(Tabulated):
             "final_longitude_deg": float(np.degrees(lon)),
             "final_latitude_deg": float(np.degrees(lat)),
             "final_speed_m_per_s": v,
+            **steered,
             "greatest_limit_excess": max(self.statistics.limit_excess),
             "solve_seconds": self.statistics.solve_seconds,
             **flown,

@@ -41,7 +41,10 @@ COST_MOVED = 0.01  # relative: more on a finer mesh, and the mesh is not adequat
 
 @dataclass(frozen=True)
 class Reach:
-    """Of the nominal vehicle; NaN where it is unknown, or where the target has no position."""
+    """Of the nominal vehicle; NaN where it is unknown, or where the target has no position.
+
+    Unknown are the ranges of a vehicle that steers its angle of attack: none is held.
+    """
 
     distance: float  # m, from entry to target over the ground
     least: float  # m, range with the bank angle held at its limit, to the target speed
@@ -144,7 +147,8 @@ def feasibility(
         mission.name, reach, nominal.status, sentence, use, _binding(mission, use), None, None, None
     )
     if not nominal.status.ok and nominal.status is not Status.INACCURATE:
-        nearest = _nearest(mission) if not mission.target.place_is_free else np.nan
+        sought = not mission.target.place_is_free and mission.angle_of_attack is None
+        nearest = _nearest(mission) if sought else np.nan
         return replace(found, reach=replace(reach, nearest=nearest))
     found = replace(found, mesh=_mesh(mission, nominal))
     advance(1)

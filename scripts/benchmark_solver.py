@@ -1,4 +1,4 @@
-"""Measure the optimiser: one solve beside a solved neighbour, and what a family's iteration solves.
+"""Measure the optimiser: one solve beside a solved neighbour, two controls, and a family's iteration.
 
 python scripts/benchmark_solver.py            print all of it; some minutes
 python scripts/benchmark_solver.py --quick    without the grid of 6,561 cases
@@ -19,12 +19,15 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from ipopt_program import Program
 from numpy.typing import NDArray
 
 import ampi
 from ampi.missions.mission import Mission
 from ampi.missions.path_limits import PathLimits
+from ampi.papers.betts2010 import CASES, betts2010_case
 from ampi.propagation.reintegration import flight_checks
+from ampi.scp.guess import ConstantBank, constant_bank_guess, default_guess
 from ampi.scp.solve import optimum
 from ampi.trajectory import Trajectory
 from ampi.workers.engines import LocalEngine, Tell
@@ -72,6 +75,28 @@ def one_solve() -> None:
         found = work()
         iterations = found.statistics.iterations
         print(f"{name}: {milliseconds(work):.2f} ms, {iterations} iterations, {found.status}")
+
+
+def two_controls() -> None:
+    """The Space Shuttle's two optima, cold, from the mission's guess: ours and IPOPT's."""
+    for case in CASES:
+        mission = betts2010_case(case)
+        begin = default_guess(mission)
+        assert isinstance(begin, ConstantBank)
+        flown = constant_bank_guess(mission, begin)
+        assert flown is not None
+        program = Program(mission, "cold")
+        began = time.process_time()
+        found = optimum(mission)
+        seconds = time.process_time() - began
+        began = time.process_time()
+        other = program.solve(mission.entry_state, program.start(flown))
+        others = time.process_time() - began
+        print(
+            f"shuttle_betts2010, {case}: {found.statistics.iterations} iterations, {seconds:.2f} s; "
+            f"IPOPT {other.iterations} iterations, {others:.2f} s; "
+            f"costs differ by {abs(found.cost / other.cost - 1.0):.1e}"
+        )
 
 
 @dataclass
@@ -148,6 +173,7 @@ def main() -> None:
     parser.add_argument("--quick", action="store_true", help="without the grid of 6,561 cases")
     arguments = parser.parse_args()
     one_solve()
+    two_controls()
     family("lifting_orbital")
     six = family("shefex3")
     if not arguments.quick:

@@ -1,6 +1,6 @@
-"""Print the tables of the four optimiser papers beside ours: `ampi reproduce`, as a script.
+"""Print the tables of the optimiser papers beside ours: `ampi reproduce`, as a script.
 
-python scripts/reproduce_papers.py [zhou2021] [liu2015] [wang2020] [liu2024] [--skip-slow] [--json]
+python scripts/reproduce_papers.py [zhou2021] … [betts2010] [--skip-slow] [--json]
 """
 
 from __future__ import annotations

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -75,9 +76,11 @@ def _reach(reach: Reach) -> str:
         f"{mark}reach    bank angles held reach {km(reach.least)} km (at the limit) to "
         f"{km(reach.greatest)} km (wings level)"
     )
+    where = ", between" if reach.within else ", outside: no bank angle held comes there"
+    if math.isnan(reach.least) and math.isnan(reach.greatest):
+        line, where = "  reach    of bank angles held is unknown", ""
     if reach.distance == reach.distance:
-        where = "between" if reach.within else "outside: no bank angle held comes there"
-        line += f"; the target lies at {km(reach.distance)} km, {where}"
+        line += f"; the target lies at {km(reach.distance)} km{where}"
     if reach.nearest == reach.nearest:
         line += f"; the best plan of bank angles found ends {km(reach.nearest)} km from it"
     return line

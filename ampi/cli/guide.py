@@ -155,13 +155,21 @@ def _as_dict(names: Sequence[str], reference: Reference) -> dict[str, Any]:
         "hole": reference.hole,
         "final_time_s": reference.final_time,
         "bank_angle_at_entry_deg": math.degrees(reference.states[6, 0]),
+        **{f"{k.replace(' ', '_')}_at_entry_deg": v for k, v in _angle_at_entry(reference).items()},
     }
+
+
+def _angle_at_entry(reference: Reference) -> dict[str, float]:
+    """The angle of attack (deg) there, of a vehicle that steers it."""
+    row = reference.layout.angle_of_attack
+    return {} if row is None else {"angle of attack": math.degrees(reference.rows[row, 0])}
 
 
 def _print(names: Sequence[str], reference: Reference) -> None:
     out.print(
         f"cell ({', '.join(map(str, reference.cell))}), final time {reference.final_time:.2f} s, "
         f"bank angle at entry {math.degrees(reference.states[6, 0]):.2f} deg"
+        + "".join(f", {name} {value:.2f} deg" for name, value in _angle_at_entry(reference).items())
     )
     outside = _outside(names, reference)
     if outside:

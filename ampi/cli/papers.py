@@ -21,7 +21,8 @@ if TYPE_CHECKING:
 
 def reproduce(
     papers: Annotated[
-        list[str] | None, typer.Argument(help="zhou2021, liu2015, wang2020, liu2024; default all.")
+        list[str] | None,
+        typer.Argument(help="zhou2021, liu2015, wang2020, liu2024, betts2010; default all."),
     ] = None,
     output: Annotated[Path | None, typer.Option(help="Folder for one figure a paper.")] = None,
     skip_slow: Annotated[

@@ -65,9 +65,15 @@ def explore(dataset: TrajectoryDataset, campaigns: Mapping[str, Flights] | None 
     Raises
     ------
     ValueError
-        If the flights are of another mission, or the table is too large whatever is left out of it.
+        If the flights are of another mission, the angle of attack is a control, or the table is too
+        large whatever is left out of it.
     """
     mission = dataset.mission
+    if mission.angle_of_attack is not None:
+        raise ValueError(
+            f"{mission.name}: expected a schedule of the angle of attack, which the page flies, got "
+            "one that is steered ([angle_of_attack])"
+        )
     guidance = guidance_of(dataset, holes="fly", engine="numpy")
     small = fitting(guidance.table, [parameter.name for parameter in mission.parameters])
     correction, without = _correction(mission, small)

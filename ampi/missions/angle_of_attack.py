@@ -54,8 +54,8 @@ class AngleOfAttackControlSection(Section):
     @field_validator("lower", "upper")
     @classmethod
     def _angles_are_flown(cls, value: tuple[float, ...]) -> tuple[float, ...]:
-        if not value or max(abs(angle) for angle in value) > 0.5 * np.pi:
-            raise ValueError("expected angles from -90 to 90 degrees")
+        if not value or max(abs(angle) for angle in value) > np.pi:
+            raise ValueError("expected angles from -180 to 180 degrees")
         return value
 
     @model_validator(mode="after")

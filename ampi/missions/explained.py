@@ -126,7 +126,8 @@ def told(name: str, info: FieldInfo) -> str:
 
 def choices_of(info: FieldInfo) -> tuple[str, ...]:
     """The words that a field may be; none of a number."""
-    return get_args(info.annotation) if get_origin(info.annotation) is Literal else ()
+    kinds = [info.annotation, *get_args(info.annotation)]  # itself, or of what is optional
+    return next((get_args(kind) for kind in kinds if get_origin(kind) is Literal), ())
 
 
 def _unit(dimension: Dimension | None) -> str:

@@ -8,7 +8,7 @@ import numpy as np
 from pydantic import Field, field_validator, model_validator
 
 from ampi.missions import units as u
-from ampi.missions.units import Section
+from ampi.missions.units import Section, dimension_of, in_units, symbol
 from ampi.physics.angles import TURN, on_turn_of
 
 
@@ -51,6 +51,13 @@ class EntrySection(Section):
     time: u.Time = Field(
         default=0.0, ge=0, description="Since the entry interface, of a flight that is under way"
     )
+
+
+def _written(name: str, value: float) -> str:
+    """A number of a target with its unit, as a mission file has it."""
+    dimension = dimension_of(TargetSection.model_fields[name])
+    unit, number = in_units(dimension.name if dimension else "", value)
+    return f"{number:.10g} {symbol(unit)}"
 
 
 GivenState = Literal["altitude", "longitude", "latitude", "speed"]
@@ -197,7 +204,10 @@ class TargetSection(Section):
             middle = 0.5 * (span[0] + span[1])
             about = on_turn_of(number, middle) if name == "longitude" else number
             if not span[0] <= about <= span[1]:
-                found.append(f"{name}: expected a number in {name}_range, got one outside")
+                low, high, came = (_written(name, value) for value in (*span, number))
+                found.append(
+                    f"{name}: expected a number in {name}_range, {low} to {high}, got {came}"
+                )
         if found:
             raise ValueError("\n".join(found))
         return self

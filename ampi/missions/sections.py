@@ -130,8 +130,8 @@ class GuessSection(Section):
     bank_angle: u.CircularAngle = Field(ge=-TURN, le=TURN, description="Held from entry to target")
     angle_of_attack: u.Angle | None = Field(
         default=None,
-        ge=-0.5 * np.pi,
-        le=0.5 * np.pi,
+        ge=-np.pi,
+        le=np.pi,
         description="Held likewise where it is a control; by default in the middle of its bounds",
     )
     heading_corridor: u.Angle | None = Field(

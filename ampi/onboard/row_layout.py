@@ -92,6 +92,14 @@ class RowLayout:
             self if self.angle_of_attack is not None else RowLayout((*self.rows, ANGLE_OF_ATTACK))
         )
 
+    def flight_states(self, rows: Array) -> Array:
+        """States (…, 7, n) of rows (…, r, n); (…, 8, n) with the angle of attack if it is a row."""
+        if self.angle_of_attack is None:
+            return rows[..., self.states, :]
+        return np.concatenate(
+            [rows[..., self.states, :], rows[..., self.of(RowKind.ANGLE), :]], axis=-2
+        )
+
     def stacked(self, parts: Mapping[RowKind, Array]) -> Array:
         """Rows (…, r, n) from those of each kind, (…, rows of the kind, n)."""
         kinds = dict.fromkeys(row.kind for row in self.rows)

@@ -11,9 +11,19 @@ from numpy.typing import NDArray
 
 from ampi.missions.loading import load_mission
 from ampi.missions.mission import Mission
+from ampi.papers.betts2010 import betts2010_case
 from ampi.papers.liu2015 import liu2015_case
 from ampi.papers.table import Reproduction
-from ampi.physics.state import ALTITUDE, BANK, LATITUDE, LOADS, LONGITUDE, SPEED
+from ampi.physics.path_constraints import path_constraints
+from ampi.physics.state import (
+    ALTITUDE,
+    ANGLE_OF_ATTACK,
+    BANK,
+    LATITUDE,
+    LOADS,
+    LONGITUDE,
+    SPEED,
+)
 from ampi.propagation.reintegration import reintegrate
 from ampi.report.figures.ground_track import in_degrees, zone_edges
 from ampi.report.figures.style import INK, LIMIT_COLOUR, house_style, new_figure
@@ -186,9 +196,31 @@ def liu2024(found: Reproduction) -> Figure:
     return figure
 
 
+@house_style
+def betts2010(found: Reproduction) -> Figure:
+    """Altitude over speed, angle of attack, bank angle, heat flux over time [Section 6.1]."""
+    figure = new_figure(WIDTH, 7.0)
+    (altitude, attack), (bank, heat) = figure.subplots(2, 2)
+    limit = betts2010_case("heating limit").limits.heat_flux
+    for k, (case, t) in enumerate(found.ours.items()):
+        flown = path_constraints(betts2010_case(case).flight_model, t.states, t.times)
+        _trace(altitude, t.states[SPEED], t.states[ALTITUDE] / 1e3, case, k)
+        _trace(attack, t.times, np.degrees(t.states[ANGLE_OF_ATTACK]), case, k)
+        _trace(bank, t.times, np.degrees(t.states[BANK]), case, k)
+        _trace(heat, t.times, flown[1] / 1e6, case, k)
+    _limit(heat, limit / 1e6)
+    altitude.invert_xaxis()
+    _labels(altitude, "speed (m/s)", "altitude (km)")
+    _labels(attack, "time (s)", "angle of attack (deg)")
+    _labels(bank, "time (s)", "bank angle (deg)")
+    _labels(heat, "time (s)", "heat flux (MW/m²)")
+    return figure
+
+
 FIGURES: dict[str, Callable[[Reproduction], Figure]] = {
     "zhou2021": zhou2021,
     "liu2015": liu2015,
     "wang2020": wang2020,
     "liu2024": liu2024,
+    "betts2010": betts2010,
 }

@@ -56,6 +56,7 @@ AZIMUTH = Quantity("Azimuth", "deg", DEGREES)
 BANK_ANGLE = Quantity("Bank angle", "deg", DEGREES)
 BANK_RATE = Quantity("Bank rate", "deg/s", DEGREES)
 ANGLE_OF_ATTACK = Quantity("Angle of attack", "deg", DEGREES)
+ANGLE_OF_ATTACK_RATE = Quantity("Angle-of-attack rate", "deg/s", DEGREES)
 
 ENTRY_QUANTITIES = (ALTITUDE, LONGITUDE, LATITUDE, SPEED, FLIGHT_PATH_ANGLE, AZIMUTH)
 CONTROL_QUANTITIES = (ANGLE_OF_ATTACK, BANK_ANGLE, BANK_RATE)

@@ -75,15 +75,18 @@ def solve_cone_program(
     inequalities: int,
     second_order: tuple[int, ...] = (),
     one_dense_block: bool = False,
+    equilibrated: bool = True,
 ) -> ConeSolution:
     """Solve Eq. (1).
 
     `quadratic` is upper triangular; the rows of A come in the order of the arguments' names. For
-    `one_dense_block` the factorisation that was measured to be fastest on one is chosen.
+    `one_dense_block` the factorisation that was measured to be fastest on one is chosen. Rows and
+    columns are `equilibrated` first, or taken as they are.
     """
     settings = clarabel.DefaultSettings()
     settings.verbose = False
     settings.max_threads = 1
+    settings.equilibrate_enable = equilibrated
     if one_dense_block:
         settings.presolve_enable = False
         settings.direct_solve_method = "qdldl"

@@ -102,7 +102,7 @@ def constant_bank_guess(mission: Mission, guess: ConstantBank) -> NodalGuess | N
 def _fly(mission: Mission, guess: ConstantBank) -> list[Integration] | None:
     """The legs between reversals; None if the flight never slows to the target speed."""
     entry, target = mission.entry, mission.target
-    held = _held_angle(mission, guess)
+    held = held_angle(mission, guess.angle_of_attack)
     physics = Physics.of(mission.flight_model, NodeFunctions(), (1.0, 1.0) if held else 1.0)
     function = node_dynamics(physics.structure, (1.0,) * mission.n_states).values
     start = guess.bank_angle if entry.bank_angle is None else entry.bank_angle
@@ -144,16 +144,15 @@ def _fly(mission: Mission, guess: ConstantBank) -> list[Integration] | None:
     return None
 
 
-def _held_angle(mission: Mission, guess: ConstantBank) -> Callable[[Array], float] | None:
-    """The angle of attack (rad) of a guess at a state, where it is a control."""
+def held_angle(mission: Mission, own: float | None) -> Callable[[Array], float] | None:
+    """The angle of attack (rad) at a state where it is a control: `own`, or the middle of its bounds."""
     bounds, model = AngleBounds.of(mission.angle_of_attack), mission.flight_model
     if bounds is None:
         return None
 
     def held(state: Array) -> float:
         low, high = bounds.at_state(model, state)
-        own = 0.5 * (low + high) if guess.angle_of_attack is None else guess.angle_of_attack
-        return float(min(max(own, low), high))
+        return float(min(max(0.5 * (low + high) if own is None else own, low), high))
 
     return held
 

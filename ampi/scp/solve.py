@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager, nullcontext
-from dataclasses import replace
+from dataclasses import asdict, replace
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
@@ -234,7 +234,7 @@ def _by_the_literature(
     from ampi.scp.literature.sparse_subproblem import solve_sparse_subproblem
 
     if guess is not None:
-        section = GuessSection.model_construct(bank_angle=guess.bank_angle)
+        section = GuessSection.model_construct(**asdict(guess))
         mission = mission.model_copy(update={"guess": section})
     with one_blas_thread():
         found = solve_by(mission, METHODS[method], subproblem or solve_sparse_subproblem)

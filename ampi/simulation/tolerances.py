@@ -21,14 +21,15 @@ class Tolerances:
     """How far from its target a flight may end."""
 
     position: float  # m; infinite where the position is free
-    altitude: float  # m
+    altitude: float  # m; infinite where it is free
     speed: float  # m/s
 
     @classmethod
     def of(cls, target: TargetSection) -> Tolerances:
         """Those of a mission."""
         position = target.position_tolerance if not target.place_is_free else np.inf
-        return cls(position, target.altitude_tolerance, target.speed_tolerance)
+        altitude = np.inf if "altitude" in target.free_states else target.altitude_tolerance
+        return cls(position, altitude, target.speed_tolerance)
 
     def faults(
         self, flights: Mapping[str, NDArray[Any]], limits: Sequence[str]

@@ -147,11 +147,15 @@ class NodeFunction:
         self, x: Array, u: Array, t: Array, numbers: Numbers, *weights: Array
     ) -> list[Array]:
         """All cases at once."""
-        shape = t.shape
+        shape, rates = t.shape, u if u.ndim == 3 else u[None]
         repeated = [np.repeat(n, shape[1]) if isinstance(n, np.ndarray) else n for n in numbers]
         columns = [a.reshape(len(a), -1) for a in weights]
         found = self._vectorised(
-            x.reshape(len(x), -1), u.reshape(-1, t.size), t.reshape(1, -1), repeated, *columns
+            x.reshape(len(x), -1),
+            rates.reshape(len(rates), -1),
+            t.reshape(1, -1),
+            repeated,
+            *columns,
         )
         return [rows.reshape(-1, *shape) for rows in found]
 
@@ -159,7 +163,7 @@ class NodeFunction:
         self, x: Array, u: Array, t: Array, numbers: Numbers, *weights: Array
     ) -> list[Array]:
         """Case by case."""
-        mapped, controls = self._mapped(t.shape[1]), u.reshape(-1, *t.shape)
+        mapped, controls = self._mapped(t.shape[1]), u if u.ndim == 3 else u[None]
         found = []
         for k in range(len(t)):
             own = np.array([n[k] if isinstance(n, np.ndarray) else n for n in numbers])

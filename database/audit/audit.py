@@ -30,7 +30,6 @@ from ampi.missions.family import MissionFamily
 from ampi.missions.mission import Mission
 from ampi.missions.path_limits import PathLimits
 from ampi.onboard.reference import Mode, ReferenceGenerator
-from ampi.onboard.row_layout import RowKind
 from ampi.onboard.table import GuidanceTable
 from ampi.physics.planet import great_circle_distance
 from ampi.physics.state import (
@@ -292,7 +291,7 @@ def _probe_point(mission: Mission, table: GuidanceTable, point: Array) -> dict[s
         errors[mode.value] = (
             np.full(len(COLUMNS), np.nan)
             if made.hole
-            else _errors(here, truth, _states(table, generator), made.final_time)
+            else _errors(here, truth, _states(generator), made.final_time)
         )
     return errors
 
@@ -302,14 +301,12 @@ def nodal_reference(table: GuidanceTable, mode: Mode, point: Array) -> tuple[Arr
     generator = ReferenceGenerator(table, mode)
     final_time = generator.reference(point).final_time
     rate = generator.nodal_values[table.layout.bank_rate].copy()
-    return _states(table, generator), rate, final_time
+    return _states(generator), rate, final_time
 
 
-def _states(table: GuidanceTable, generator: ReferenceGenerator) -> Array:
-    """Of the reference last made, at the nodes; with the angle of attack where the table has it."""
-    low, layout = generator.nodal_values, table.layout
-    angle = layout.of(RowKind.ANGLE)
-    return np.concatenate([low[layout.states], low[angle]])
+def _states(generator: ReferenceGenerator) -> Array:
+    """Of the reference last made, at the nodes."""
+    return generator.table.layout.flight_states(generator.nodal_values).copy()
 
 
 def _errors(mission: Mission, truth: Trajectory, states: Array, final_time: float) -> Array:

@@ -16,6 +16,7 @@ import ampi
 from ampi.dataset import read_dataset
 from ampi.explorer.explorer import explore
 from tests.support.command_line import run
+from tests.support.steered import steered_mission
 
 A4 = {"printBackground": False, "paperWidth": 8.27, "paperHeight": 11.69}  # inches
 WIDTHS = """
@@ -199,6 +200,12 @@ def test_no_title_ends_the_script_that_it_stands_in(small_database: Path) -> Non
     text = explore(replace(dataset, mission=mission))
     assert text.count("</script>") == text.count("<script>") == 3
     assert "<!--" not in text
+
+
+def test_an_angle_of_attack_that_is_steered_is_refused(small_database: Path) -> None:
+    dataset = replace(read_dataset(small_database), mission=steered_mission())
+    with pytest.raises(ValueError, match=r"expected a schedule of the angle of attack.*steered"):
+        explore(dataset)
 
 
 def test_the_command_writes_it_and_refuses_flights_of_another_mission(

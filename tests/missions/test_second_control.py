@@ -95,9 +95,9 @@ CONTROLS = {
         {"acceleration_deg_per_s2": -4.0},
         "angle_of_attack.acceleration: Input should be greater than 0 (got -4 deg/s2)",
     ),
-    "an angle beyond the vertical": (
-        {"upper_deg": 91.0},
-        "angle_of_attack.upper: expected angles from -90 to 90 degrees",
+    "more than half a turn": (
+        {"upper_deg": 181.0},
+        "angle_of_attack.upper: expected angles from -180 to 180 degrees",
     ),
     "over without at": ({"over": "mach"}, "over and at: expected both or neither"),
     "at without over": ({"at": [1.0, 2.0]}, "over and at: expected both or neither"),
@@ -125,7 +125,7 @@ CONTROLS = {
 TARGETS = {
     "a number outside its range": (
         {"altitude_range_km": [10.0, 20.0]},
-        "altitude: expected a number in altitude_range, got one outside",
+        "altitude: expected a number in altitude_range, 10 km to 20 km, got 24.384 km",
     ),
     "ends that cross": (
         {"speed_range_m_per_s": [800.0, 700.0]},
@@ -250,6 +250,11 @@ def test_the_shuttle_is_what_its_text_says() -> None:
         assert lift == pytest.approx(-0.20704 + 0.029244 * degrees)
         assert drag == pytest.approx(0.07854 - 0.61592e-2 * degrees + 0.621408e-3 * degrees**2)
     assert shuttle.limits.heat_flux == pytest.approx(70.0 * btu / foot**2, rel=1e-14)
+
+
+def test_the_new_mission_tells_what_bounds_may_go_by() -> None:
+    text = "\n".join(explained(load_mission("shuttle_betts2010")))
+    assert 'one of speed, mach; optional.\n# over = "speed"' in text
 
 
 def test_a_list_of_bounds_is_a_mission_of_its_own() -> None:

@@ -1,9 +1,9 @@
 """The Space Shuttle's greatest cross-range: Betts (2010), Section 6.1, Table 6.1, no heating limit.
 
-He steers angle of attack and bank angle; the optimum ends at 34.1412° of latitude after 2,008.6 s. The
-vehicles of this project fly a given angle of attack. So a witness, his equations in his units by CasADi
-and IPOPT, is first held against the printed optimum with both controls, then gives what the bank angle
-alone can reach, and that is what the optimiser is held against.
+He steers angle of attack and bank angle; the optimum ends at 34.1412° of latitude after 2,008.6 s (both
+controls of ours: test_shuttle_betts2010.py). Here a witness, his equations in his units by CasADi and
+IPOPT, is first held against the printed optimum, then gives what the bank angle alone can reach at a
+scheduled angle of attack, and that is what the optimiser is held against.
 """
 
 from __future__ import annotations

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -87,3 +89,21 @@ def test_a_bank_angle_beyond_the_limit_is_refused(
     message = rf"guess: expected a bank angle between ±60°, .* mission shefex3; got {told}°"
     with pytest.raises(MethodError, match=message):
         solve(mission, guess=ConstantBank(float(np.radians(degrees))))
+
+
+@pytest.mark.parametrize(
+    ("changes", "name"),
+    [
+        ({"free": ("altitude",)}, "free final state"),
+        ({"altitude_range": (20e3, 40e3)}, "final range"),
+        ({"bank_angle": (0.0, 0.0)}, "final bank_angle"),
+    ],
+)
+def test_over_energy_the_final_state_that_is_not_known_is_named(
+    changes: dict[str, Any], name: str
+) -> None:
+    mission = load_mission("cavh_liu2015")
+    other = mission.model_copy(update={"target": mission.target.model_copy(update=changes)})
+    check(other, "exact_hessian")
+    with pytest.raises(MethodError, match=rf"^{name}: .*not known to method 'liu2015' \(exact"):
+        check(other, "liu2015")

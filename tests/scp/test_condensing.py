@@ -62,7 +62,7 @@ def flown(flight: Flight, point: Point, condensed: CondensedDynamics, z: Array) 
     here = point.iterate
     states = here.states + change(condensed, z)
     states[0, 6] = here.states[0, 6] + z[-1]
-    moved = Iterate(states, here.bank_rate + z[:-2], here.final_time + 100.0 * z[-2])
+    moved = Iterate(states, here.controls + z[:-2], here.final_time + 100.0 * z[-2])
     restored = flight.restore(moved, None)
     assert restored is not None
     return restored
@@ -82,7 +82,7 @@ def random_multipliers(n_nodes: int) -> Multipliers:
     return Multipliers(
         rng.normal(size=4),
         rng.uniform(size=(n_nodes, 3)),
-        0.1 * rng.normal(size=n_nodes),
+        0.1 * rng.normal(size=(1, n_nodes)),
         np.zeros(0),
     )
 
@@ -90,7 +90,7 @@ def random_multipliers(n_nodes: int) -> Multipliers:
 def node_gradient(condensed: CondensedDynamics, multipliers: Multipliers) -> Array:
     """∂(λᵀe + Σ νᵀg + Σ β σ)/∂x at the nodes."""
     gradient = np.einsum("ik,ikj->ij", multipliers.limits, path_jacobian(condensed)[:, :, :7])
-    gradient[:, 6] += multipliers.bank
+    gradient[:, 6] += multipliers.angles[0]
     gradient[-1, :4] += multipliers.target
     return gradient
 
@@ -131,7 +131,7 @@ def test_bank_angle_is_the_integral_of_its_rate(
     z[-2:] = 0.0
     times = flying.transcription.times(point.iterate.final_time)
     turned = change(condensed, z)[:, 6]
-    assert turned == pytest.approx(flying.problem.bank_rate_limit * times, abs=1e-10)
+    assert turned == pytest.approx(flying.problem.angles[0].rate_limit * times, abs=1e-10)
 
 
 def dense_jacobian(condensed: CondensedDynamics) -> Array:
@@ -207,7 +207,7 @@ def test_multipliers_give_the_reduced_gradient(
     nodes[-1, :4] = target
     mu = condensed.multipliers(nodes[None, 1:], ONE)[:, 0].T
     half = flying.transcription.half_lengths(point.iterate.final_time)
-    by_adjoint = -half * flying.problem.bank_rate_limit * mu[:, 6]
+    by_adjoint = -half * flying.problem.angles[0].rate_limit * mu[:, 6]
     direct = target @ state_map(condensed)[-1, :4]
     assert by_adjoint == pytest.approx(direct[:-2], rel=1e-8, abs=1e-12)
 
@@ -241,7 +241,7 @@ def test_reduced_gradient_is_the_slope_of_the_weighted_sum(
         return float(
             multipliers.target @ at.target_error
             + np.sum(multipliers.limits * at.path)
-            + multipliers.bank @ at.iterate.states[:, 6]
+            + multipliers.angles[0] @ at.iterate.states[:, 6]
         )
 
     gradient = reduced_gradient(flying, point, multipliers)

@@ -75,7 +75,7 @@ def point(flying: Flight, everything: Mission) -> Point:
     guess = constant_bank_guess(everything, ConstantBank(np.radians(-30.0)))
     assert guess is not None
     rate = 0.02 * np.cos(np.arange(len(guess.bank_rate)))
-    found = flying.first_point(replace(guess, bank_rate=rate * flying.problem.bank_rate_limit))
+    found = flying.first_point(replace(guess, bank_rate=rate * flying.problem.angles[0].rate_limit))
     assert found is not None
     return found
 
@@ -89,7 +89,7 @@ def flown(flight: Flight, point: Point, condensed: CondensedDynamics, z: Array) 
     """The flight restored at the controls of z."""
     here = point.iterate
     states = here.states + condensed.change(z[None], ONE)[:, 0].T
-    there = Iterate(states, here.bank_rate + z[:-2], here.final_time + 100.0 * z[-2])
+    there = Iterate(states, here.controls + z[:-2], here.final_time + 100.0 * z[-2])
     restored = flight.restore(there, None)
     assert restored is not None
     return restored
@@ -108,7 +108,7 @@ def test_the_cost_is_the_sum_of_its_terms(
     times = t.times(here.final_time)
     heat = path_constraints(everything.flight_model, x, times)[1]
     radius = everything.flight_model.planet.equatorial_radius
-    rate = np.abs(here.bank_rate) * everything.limits.bank_rate / np.radians(1.0)
+    rate = np.abs(here.controls) * everything.limits.bank_rate / np.radians(1.0)
     over_ground = x[3] * np.cos(x[4]) * radius / (radius + x[0])
     running = (
         TERMS["bank_rate_effort"] * rate**2
@@ -174,7 +174,7 @@ def test_curvature_of_the_lagrangian(
     multipliers = Multipliers(
         target=rng.normal(size=6),
         limits=rng.uniform(size=point.path.shape) * (np.arange(5) != 3),  # but the switched one
-        bank=0.1 * rng.normal(size=n),
+        angles=0.1 * rng.normal(size=(1, n)),
         absolute=kappa * point.absolute.weight,
     )
 
@@ -184,7 +184,7 @@ def test_curvature_of_the_lagrangian(
             + kappa @ (at.absolute.weight * at.absolute.value)
             + multipliers.target @ at.target_error
             + np.sum(multipliers.limits * at.path)
-            + multipliers.bank @ at.iterate.states[:, 6]
+            + multipliers.angles[0] @ at.iterate.states[:, 6]
         )
 
     hessian = lagrangian_hessian(flying, point, condensed, multipliers)

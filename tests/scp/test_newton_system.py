@@ -43,15 +43,15 @@ def pair(
     if request.param == "drifting":
         flight, optimum = request.getfixturevalue("drifting")
     here = optimum.iterate
-    moved = flight.restore(replace(here, bank_rate=0.98 * here.bank_rate + 1e-3), None)
+    moved = flight.restore(replace(here, controls=0.98 * here.controls + 1e-3), None)
     assert moved is not None
     ends = [optimum, moved]
     problem, scale = flight.problem, np.array(flight.problem.scaling.states)
     guesses = [
         NodalGuess(
             end.iterate.states * scale,
-            flight.transcription.nodal_rate(end.iterate.bank_rate[None])[0]
-            * problem.bank_rate_limit,
+            flight.transcription.nodal_rate(end.iterate.controls[None])[0]
+            * problem.angles[0].rate_limit,
             end.iterate.final_time,
             np.array([1e-6, 3.0, -2.0, 1e-5]) * (1.0 + k) / problem.multiplier_scale,
         )
@@ -130,7 +130,7 @@ def test_the_hessian_is_that_of_the_quadratic_model(pair: Batch) -> None:
         limits = run.multipliers.limits[case]
         on_bank = limits[n : 2 * n] + limits[2 * n : 2 * n + len(t.between)] @ t.between
         on_path = limits[-3 * n :].reshape(3, n).T
-        multipliers = Multipliers(run.multipliers.target[case], on_path, on_bank, np.zeros(0))
+        multipliers = Multipliers(run.multipliers.target[case], on_path, on_bank[None], np.zeros(0))
         condensed = flight.linearise(end.iterate)
         single = lagrangian_hessian(flight, end, condensed, multipliers)
         close(system.hessian[case], single, 1e-8)
@@ -163,7 +163,7 @@ def flown(pair: Batch, case: int, condensed: object, z: Array) -> Point:
     here = pair.ends[case].iterate
     single = pair.flight.linearise(here)
     states = here.states + single.change(z[None], ONE)[:, 0].T
-    there = Iterate(states, here.bank_rate + z[:-2], here.final_time + 100.0 * z[-2])
+    there = Iterate(states, here.controls + z[:-2], here.final_time + 100.0 * z[-2])
     restored = pair.flight.restore(there, None)
     assert restored is not None
     return restored
@@ -199,7 +199,7 @@ def test_rows_of_the_limits_are_slopes_along_restored_flights(pair: Batch) -> No
         )
         found = system.condensed.projected(over_states, np.array([case]))
         found[0, -2] += 100.0 * over_time[0] @ pair.flight.transcription.node_free
-        found += rows.on_control(multipliers)
+        found += rows.on_control(multipliers, rows.path_gradient[:, case : case + 1])
         close(found[0], multipliers[0] @ matrix)
 
 
@@ -297,9 +297,9 @@ def test_a_case_beyond_a_limit_is_not_taken(pair: Batch, beyond: str) -> None:
     points.u[:] = 0.0
     assert run.keeps_limits(rows).all()
     if beyond == "bank":
-        points.x[6, 1, 20] = 1.001 * problem.bank_limit
+        points.x[6, 1, 20] = 1.001 * problem.angles[0].upper
     elif beyond == "between":
-        points.x[6, 1] = 0.999999 * problem.bank_limit * np.sign(np.sin(np.arange(64.0)))
+        points.x[6, 1] = 0.999999 * problem.angles[0].upper * np.sign(np.sin(np.arange(64.0)))
     elif beyond == "rate":
         points.u[1, 20] = -1.001
     elif beyond == "path":

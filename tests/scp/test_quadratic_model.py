@@ -59,7 +59,7 @@ def moved(flight: Flight, point: Point, condensed: CondensedDynamics, z: Array) 
     here = point.iterate
     states = here.states + condensed.change(z[None], ONE)[:, 0].T
     restored = flight.restore(
-        Iterate(states, here.bank_rate + z[:-2], here.final_time + 100.0 * z[-2]), None
+        Iterate(states, here.controls + z[:-2], here.final_time + 100.0 * z[-2]), None
     )
     assert restored is not None
     return restored
@@ -150,7 +150,7 @@ def test_gauss_newton_is_the_effort_alone(flight: Flight, constant_bank_point: P
     z = np.zeros(len(model.gradient))
     z[:-2] = np.random.default_rng(1).uniform(-0.2, 0.2, len(z) - 2)
     t, here = flight.transcription, point.iterate
-    changed = replace(here, bank_rate=here.bank_rate + z[:-2])
+    changed = replace(here, controls=here.controls + z[:-2])
     _, u, final_time = changed.batch
     effort = smooth_cost(flight.problem, t, u, final_time, np.zeros((0, 1, len(t.weights) + 1)))[0]
     assert point.cost + model.gradient @ z + 0.5 * z @ model.hessian @ z == pytest.approx(effort)
@@ -206,9 +206,9 @@ def test_rows_of_the_bank_and_its_rate(
     d = 0.03 * random_directions(len(convex.gradient))[-1]
     there = moved(flight, optimum, condensed, d)
     t = flight.transcription
-    rate = t.nodal_rate(there.iterate.bank_rate[None])[0]
+    rate = t.nodal_rate(there.iterate.controls[None])[0]
     assert convex.rate + convex.rate_rows @ d == pytest.approx(rate, abs=1e-11)
-    limit = flight.problem.bank_limit
+    limit = flight.problem.angles[0].upper
     bank = optimum.iterate.states[:, 6]
     places = convex.angle_map @ bank
     assert np.array_equal(convex.angle_map[: len(rate)], np.eye(len(rate)))
@@ -243,7 +243,7 @@ def test_multipliers_are_spread_over_the_nodes(convex: ConvexSubproblem) -> None
     on_bank[[3, n]] = 2.0, -3.0  # at a node, and between nodes
     halfway[:2] = 0.4, 0.6
     wider = replace(bounded, angle_map=np.vstack([np.eye(n), halfway]))
-    bank = Multipliers.of(replace(step, angle_multiplier=on_bank), wider).bank
+    bank = Multipliers.of(replace(step, angle_multiplier=on_bank), wider).angles[0]
     assert bank[:4] == pytest.approx([-1.2, -1.8, 0.0, 2.0])
     assert bank.sum() == pytest.approx(-1.0)  # what lies between is shared out, nothing is lost
 
@@ -276,7 +276,7 @@ def test_multipliers_of_the_bank_bend_the_lagrangian(
     flight: Flight, optimum: Point, condensed: CondensedDynamics, multipliers: Multipliers
 ) -> None:
     """The bank angle is bilinear in its rate and the final time."""
-    pressed = replace(multipliers, bank=np.linspace(-1.0, 2.0, len(optimum.path)))
+    pressed = replace(multipliers, angles=np.linspace(-1.0, 2.0, len(optimum.path))[None])
     free, held = (
         quadratic_subproblem(
             flight,

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from typing import Any
+
 import cvxpy as cp
 import numpy as np
 import pytest
@@ -9,6 +12,8 @@ from numpy.typing import NDArray
 
 from ampi.missions import load_mission
 from ampi.papers.liu2015 import liu2015_case
+from ampi.scp.cone_program import ConeSolution, ConeStatus, solve_cone_program
+from ampi.scp.literature import sparse_subproblem
 from ampi.scp.literature.methods import METHODS, _assemble
 from ampi.scp.literature.sparse_subproblem import SparseSubproblem, solve_sparse_subproblem
 from ampi.scp.literature.sparse_subproblem_cvxpy import solve_sparse_subproblem_cvxpy
@@ -64,3 +69,22 @@ def test_a_constraint_of_ones_own_binds() -> None:
 def test_an_unknown_solver_is_named() -> None:
     with pytest.raises(ValueError, match=r"solver: expected one of .*got 'ABACUS'"):
         solve_sparse_subproblem_cvxpy(first("wang2020"), solver="ABACUS")
+
+
+def test_a_program_at_which_the_arithmetic_stops_is_tried_unscaled(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    scaled = []
+
+    def stops_at_first(*args: Any, equilibrated: bool, **options: Any) -> ConeSolution:
+        scaled.append(equilibrated)
+        found = solve_cone_program(*args, equilibrated=equilibrated, **options)
+        return replace(found, status=ConeStatus.NUMERICAL_ERROR) if equilibrated else found
+
+    problem = first("wang2020")
+    expected = solve_sparse_subproblem(problem)
+    monkeypatch.setattr(sparse_subproblem, "solve_cone_program", stops_at_first)
+    found = solve_sparse_subproblem(problem)
+    assert scaled == [True, False]
+    assert found.usable
+    assert found.objective == pytest.approx(expected.objective, rel=1e-5)

@@ -47,7 +47,7 @@ def model_at(
     )
     final_time = point.iterate.final_time
     effort = problem.reference_cost(final_time)
-    curvature = 2.0 * problem.objective.effort * t.half_lengths(final_time) * t.weights
+    curvature = 2.0 * problem.objective.effort[0] * t.half_lengths(final_time) * t.weights
     scale = reference_price(convex.target_map[:, :-2], curvature, 2.0 * effort)
     return with_merit(convex, radius=radius, price=price * scale, penalty=20.0 * effort)
 
@@ -75,7 +75,7 @@ def convex(
     here, best = constant_bank_point.iterate, optimum.iterate
     if case == "elastic":
         return model_at(flight, constant_bank_point, gauss_newton=True, radius=0.3, price=6.0)
-    near = flight.restore(replace(best, bank_rate=0.99 * best.bank_rate), None)
+    near = flight.restore(replace(best, controls=0.99 * best.controls), None)
     assert near is not None
     if case == "met":
         return model_at(flight, near, gauss_newton=False, radius=0.3, price=100.0)
@@ -252,12 +252,13 @@ def small_subproblem(seed: int, price: float) -> ConvexSubproblem:
         target_price=price * rng.uniform(1.0, 2.0, 4),
         rate_rows=rng.normal(size=(5, 8)),
         rate=rng.uniform(-0.9, 0.9, 5),
-        entry_rate=None,
+        given_rates=(),
         angle_map=np.eye(5),
         angle_rows=rng.normal(size=(5, 8)),
         angle_lower=-rng.uniform(0.1, 1.0, 5),
         angle_upper=rng.uniform(0.1, 1.0, 5),
         final_time_column=6,
+        n_nodes=5,
         radius=0.3,
         path_rows=rng.normal(size=(6, 8)),
         path_room=rng.uniform(-0.1, 0.3, 6),

@@ -84,7 +84,7 @@ def test_effort_of_a_polynomial_rate_is_exact(
     (rate,) = polynomials(seed, degree, final_time, 1)
     square = (rate * rate).integ()
     exact = square(final_time) - square(0.0)
-    unit = Objective(1.0, 1.0, effort=1.0, final_time=0.0, variation=0.0, descent=0.0)
+    unit = Objective(1.0, (1.0,), effort=(1.0,), final_time=0.0, variation=0.0, descent=0.0)
     alone, none = replace(problem, objective=unit), np.zeros((0, 1, len(t.weights) + 1))
 
     def effort(u: Array) -> float:
@@ -143,7 +143,7 @@ def test_the_restored_flight_satisfies_collocation_and_entry(
     rates, _ = evaluate(x, t.nodal_rate(u), t.times(final_time), problem.numbers)
     assert np.abs(t.residual(x, rates, final_time)).max() < 1e-10
     assert here.states[0, :6] == pytest.approx(flight.problem.entry, rel=1e-15)
-    assert np.all(here.bank_rate == 0.0)
+    assert np.all(here.controls == 0.0)
     assert here.states[:, 6] == pytest.approx(np.full(len(here.states), np.radians(-30.0)))
 
 
@@ -182,16 +182,16 @@ def test_restoration_is_a_projection(flight: Flight, constant_bank_point: Point)
     assert again is not None
     assert again.iterate.states == pytest.approx(here.states, abs=1e-11)
     shake = 1e-3 * np.random.default_rng(3).normal(size=here.states.shape)
-    shaken = Iterate(here.states + shake, here.bank_rate, here.final_time)
+    shaken = Iterate(here.states + shake, here.controls, here.final_time)
     back = flight.restore(shaken, flight.linearise(here))
     assert back is not None
     entry_bank = shake[0, 6]  # free: the flight keeps the bank angle it was given
     assert back.iterate.states[:, 6] == pytest.approx(here.states[:, 6] + entry_bank, abs=1e-11)
     # at another entry state, which is put right first
-    rate = flight.transcription.nodal_rate(here.bank_rate[None])[0]
+    rate = flight.transcription.nodal_rate(here.controls[None])[0]
     states = (here.states + shake * (np.arange(7) < 6)) * SCALE
     back = flight.first_point(
-        NodalGuess(states, rate * flight.problem.bank_rate_limit, here.final_time)
+        NodalGuess(states, rate * flight.problem.angles[0].rate_limit, here.final_time)
     )
     assert back is not None
     assert back.iterate.states == pytest.approx(here.states, abs=1e-10)
@@ -199,7 +199,7 @@ def test_restoration_is_a_projection(flight: Flight, constant_bank_point: Point)
 
 def test_evaluation_of_a_point(flight: Flight, optimum: Point, mission: Mission) -> None:
     here = optimum.iterate
-    rate = here.bank_rate * mission.limits.bank_rate / np.radians(1.0)  # deg/s
+    rate = here.controls * mission.limits.bank_rate / np.radians(1.0)  # deg/s
     t = flight.transcription
     effort = np.sum(t.half_lengths(here.final_time) * t.weights * rate**2)
     assert optimum.cost == pytest.approx(effort, rel=1e-12)
@@ -221,6 +221,6 @@ def test_what_cannot_be_restored_is_none(
         states[10] = np.nan
     else:
         states[1:, 2], states[1:, 4] = 3.0, -40.0
-    bad = Iterate(states, constant_bank_point.iterate.bank_rate, 634.0)
+    bad = Iterate(states, constant_bank_point.iterate.controls, 634.0)
     with np.errstate(all="ignore"):
         assert flight.restore(bad, None) is None

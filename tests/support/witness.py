@@ -65,7 +65,8 @@ def path_limits(mission: Mission, state: Any, time: Any) -> tuple[Any, Any]:
         g.append(2.0 - (1.0 - over - along) / width)
     if control is not None and control.at is not None:
         along = state[3] / sound if control.over == "mach" else state[3]
-        low, high = (ca.pw_lin(along, list(control.at), list(bound)) for bound in control.points)
+        held = ca.fmin(ca.fmax(along, control.at[0]), control.at[-1])
+        low, high = (ca.pw_lin(held, np.array(control.at), np.array(b)) for b in control.points)
         width = 0.5 * max(upper - lower for lower, upper in zip(*control.points, strict=True))
         g += [1.0 + (low - state[7]) / width, 1.0 + (state[7] - high) / width]
     return ca.vertcat(*g), heat

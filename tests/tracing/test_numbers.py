@@ -50,7 +50,7 @@ def fresh(mission: Mission) -> tuple[OptimalControlProblem, NodeFunction]:
     try:
         physical = x * ca.DM(scale)
         model = mission.flight_model
-        f = equations_of_motion(model, physical, u * problem.bank_rate_limit, t)
+        f = equations_of_motion(model, physical, u * problem.angles[0].rate_limit, t)
         g = problem.functions.path(model, physical, t)
     finally:
         ca.GlobalOptions.setNumpyMode(mode)

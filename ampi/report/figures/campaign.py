@@ -140,8 +140,10 @@ def campaign_controls(mission: Mission, campaigns: Mapping[str, Flights]) -> Fig
     figure, panels = panel_grid(labels, len(shown))
     for column, (name, flights) in enumerate(shown.items()):
         model = mission.family(flights.parameters).flight_model(trailing=1)
-        planned = model.angle_of_attack(flights.states.transpose(1, 0, 2), flights.times)
         alive = np.where(np.isfinite(flights.states[:, SPEED]), 1.0, np.nan)
+        planned = 0.0  # of a vehicle that steers it, the command is the angle itself
+        if mission.angle_of_attack is None:
+            planned = model.angle_of_attack(flights.states.transpose(1, 0, 2), flights.times)
         values = (
             planned * alive + flights.angle_of_attack[()],
             flights.states[:, BANK],

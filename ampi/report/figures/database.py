@@ -24,6 +24,7 @@ from ampi.report.figures.ground_track import (
 )
 from ampi.report.figures.panels import (
     control_limits,
+    draw_angle_bounds,
     draw_bundle,
     draw_quantity_limits,
     limit_key,
@@ -49,7 +50,7 @@ class HighDensityDatabase:
     """Every optimum of a table on the high-density grid; c of them, m points."""
 
     times: Array  # (c, m), s
-    states: Array  # (7, c, m); SI, rad
+    states: Array  # (7, c, m); (8, c, m) where the angle of attack is a control; SI, rad
     bank_rate: Array  # (c, m), rad/s
     nominal: int  # which of them is that of the nominal parameters
 
@@ -64,7 +65,7 @@ class HighDensityDatabase:
         rows = rows[own]
         return cls(
             times=fixed + free * table.final_time.ravel()[own, None],
-            states=(rows[:, table.layout.states] @ table.conversion).transpose(1, 0, 2),
+            states=(table.layout.flight_states(rows) @ table.conversion).transpose(1, 0, 2),
             bank_rate=rows[:, table.layout.bank_rate] @ table.conversion,
             nominal=int(np.count_nonzero(own[:centre])),
         )
@@ -113,6 +114,9 @@ def database_controls(mission: Mission, table: GuidanceTable) -> Figure:
     ):
         _draw_cases(axes, database, quantity, value)
         draw_quantity_limits(axes, quantity, levels)
+    if not limits[0]:
+        nominal = database.nominal
+        draw_angle_bounds(panels[0], mission, database.times[nominal], database.states[:, nominal])
     place_legend(figure, [*_keys(database), limit_key()])
     return figure
 

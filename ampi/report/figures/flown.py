@@ -32,7 +32,16 @@ from ampi.report.figures.panels import (
 )
 from ampi.report.figures.scheme_style import style_of
 from ampi.report.figures.style import INK, LIMIT_COLOUR, TARGET_COLOUR, house_style, new_figure
-from ampi.report.quantities import ALTITUDE, BANK_ANGLE, CROSSRANGE, DOWNRANGE, KILO, SPEED, TIME
+from ampi.report.quantities import (
+    ALTITUDE,
+    ANGLE_OF_ATTACK,
+    BANK_ANGLE,
+    CROSSRANGE,
+    DOWNRANGE,
+    KILO,
+    SPEED,
+    TIME,
+)
 from ampi.report.scheme_groups import words
 from ampi.simulation.flights import Flights
 
@@ -109,10 +118,15 @@ def descents(campaigns: Mapping[str, Flights]) -> Figure:
 
 @house_style
 def bank_angles(campaigns: Mapping[str, Flights]) -> Figure:
-    """Bank angle over time of every flight, and the change of the angle of attack where one flew it."""
+    """Bank angle over time of every flight, and the change of the angle of attack where one flew it.
+
+    Of a vehicle that steers its angle of attack, that angle itself.
+    """
     shown = back_to_front(campaigns)
     changed = any(np.nanmax(np.abs(f.angle_of_attack), initial=0.0) > 0.0 for f in shown.values())
-    labels = [BANK_ANGLE.label, "Change of the angle of attack (deg)"][: 1 + changed]
+    is_steered = any("angle_of_attack_rate" in f.limits for f in shown.values())
+    angle = ANGLE_OF_ATTACK.label if is_steered else "Change of the angle of attack (deg)"
+    labels = [BANK_ANGLE.label, angle][: 1 + changed]
     figure, panels = panel_grid(labels, 1)
     for flights, colour, width in with_widths(shown):
         rows = (flights.states[:, 6], flights.angle_of_attack[()])

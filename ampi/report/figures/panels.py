@@ -19,6 +19,7 @@ from ampi.missions.mission import Mission
 from ampi.missions.path_limits import LimitKind, PathLimits
 from ampi.report.figures.style import INK, LIMIT_COLOUR, new_figure
 from ampi.report.quantities import (
+    ANGLE_OF_ATTACK,
     DYNAMIC_PRESSURE,
     HEAT_FLUX,
     LONGITUDE,
@@ -91,13 +92,28 @@ def draw_limits(axes: Axes, levels: Sequence[float]) -> None:
 
 
 def control_limits(mission: Mission) -> tuple[tuple[float, ...], ...]:
-    """Limits (SI, rad) of angle of attack, which follows its schedule, bank angle and bank rate."""
-    limits = mission.limits
+    """Limits (SI, rad) of angle of attack, bank angle and bank rate.
+
+    Of an angle of attack that follows a schedule there are none; bounds that are no numbers are curves
+    (`draw_angle_bounds`).
+    """
+    limits, angle = mission.limits, PathLimits.of(mission).angle_of_attack
+    fixed = angle is not None and angle.are_fixed
     return (
-        (),
+        (angle.lower[0], angle.upper[0]) if angle is not None and fixed else (),
         (-limits.bank_angle, limits.bank_angle),
         (-limits.bank_rate, limits.bank_rate),
     )
+
+
+def draw_angle_bounds(axes: Axes, mission: Mission, times: Array, states: Array) -> None:
+    """Bounds of the angle of attack along a flight (8, n), where it is a control."""
+    angle = PathLimits.of(mission).angle_of_attack
+    if angle is None:
+        return
+    for bound in angle.at_state(mission.flight_model, states):
+        along = np.broadcast_to(ANGLE_OF_ATTACK.shown(bound), times.shape)
+        axes.plot(times, along, color=LIMIT_COLOUR, linewidth=1.2, linestyle=(0, (5, 3)))
 
 
 @dataclass(frozen=True)

@@ -10,11 +10,14 @@ import xarray
 from numpy.typing import NDArray
 
 from ampi.onboard.reference import Reference
-from ampi.onboard.row_layout import BANK_RATE, STATES, Row
+from ampi.onboard.row_layout import ANGLE_OF_ATTACK, BANK_RATE, STATES, Row, RowKind
 from ampi.report.scheme_groups import words
 from ampi.simulation.flights import Flights
 from ampi.simulation.flights_schema import ATTRIBUTES, FIELDS, FLIGHT, LABELS, SCALES
 from ampi.trajectory import Trajectory
+
+STEERED_ROWS = (*STATES, ANGLE_OF_ATTACK)
+CONTROL_ROWS = (BANK_RATE, Row("angle_of_attack_rate", "rad/s", RowKind.CONTROL))
 
 
 @singledispatch
@@ -26,7 +29,8 @@ def dataset_of(value: Any) -> xarray.Dataset:
 @dataset_of.register
 def _of_trajectory(optimum: Trajectory) -> xarray.Dataset:
     """Over the nodes, by their times."""
-    rows = np.vstack([optimum.states, optimum.bank_rate])
+    controls = optimum.controls
+    named = (*STEERED_ROWS[: len(optimum.states)], *CONTROL_ROWS[: len(controls)])
     attributes = {
         "final_time": optimum.final_time,
         "cost": optimum.cost,
@@ -34,7 +38,7 @@ def _of_trajectory(optimum: Trajectory) -> xarray.Dataset:
         "status_sentence": optimum.status.sentence,
         "iterations": optimum.statistics.iterations,
     }
-    return _over_time((*STATES, BANK_RATE), rows, optimum.times, attributes)
+    return _over_time(named, np.vstack([optimum.states, controls]), optimum.times, attributes)
 
 
 @dataset_of.register

@@ -14,7 +14,9 @@ from numpy.typing import NDArray
 
 from ampi.missions.mission import Mission
 from ampi.onboard.reference import Reference
+from ampi.onboard.row_layout import RowKind
 from ampi.physics.angles import wrapped
+from ampi.physics.state import ANGLE_OF_ATTACK
 from ampi.report.cells import estimate_cell, number
 from ampi.report.quantities import DEGREES, KILO, MEGA
 from ampi.report.scheme_groups import reference_words, words
@@ -62,7 +64,7 @@ def _of_mission(mission: Mission) -> Sheet:
             "limits",
             f"{limits.dynamic_pressure * KILO:g} kPa, {limits.heat_flux * MEGA:g} MW/m², "
             f"{limits.load_factor:g} g₀; bank {limits.bank_angle * DEGREES:g}°, "
-            f"{limits.bank_rate * DEGREES:g}°/s",
+            f"{limits.bank_rate * DEGREES:g}°/s{_steered(mission)}",
         ),
         *grid,
         ("cases", f"{cases:,}, on {mission.pseudospectral_mesh.n_nodes} nodes each"),
@@ -75,12 +77,22 @@ def _of_mission(mission: Mission) -> Sheet:
     )
 
 
+def _steered(mission: Mission) -> str:
+    """The bounds of the angle of attack, where it is a control."""
+    control = mission.angle_of_attack
+    if control is None:
+        return ""
+    low, high = min(control.lower) * DEGREES, max(control.upper) * DEGREES
+    return f"; angle of attack {low:g}° to {high:g}°, {control.rate * DEGREES:g}°/s"
+
+
 @sheet_of.register
 def _of_trajectory(optimum: Trajectory) -> Sheet:
     statistics, end = optimum.statistics, optimum.states[:, -1]
     rows: list[Row] = [
         ("final time", f"{optimum.final_time:.2f} s"),
         ("end", _end(end)),
+        *_angles(optimum.states[ANGLE_OF_ATTACK:]),
         ("cost", f"{optimum.cost:.6g}"),
         ("mesh", f"{optimum.mesh.n_nodes} nodes"),
         ("solve", f"{statistics.iterations} iterations, {statistics.solve_seconds:.2g} s"),
@@ -103,6 +115,7 @@ def _of_reference(reference: Reference) -> Sheet:
     rows = (
         ("final time", f"{reference.final_time:.2f} s"),
         ("end", _end(reference.states[:, -1])),
+        *_angles(reference.rows[reference.layout.of(RowKind.ANGLE)]),
         ("parameters (SI, rad)", ", ".join(f"{p:.6g}" for p in reference.parameters)),
         ("cell", ", ".join(map(str, reference.cell))),
         ("outside on axis", ", ".join(clipped) or "none"),
@@ -177,6 +190,13 @@ def _of_difference(difference: PairedDifference) -> Sheet:
         tuple(rows),
         "Differences of the shares within each radius, with their intervals, against none.",
     )
+
+
+def _angles(rows: NDArray[np.float64]) -> list[Row]:
+    """The range of the angle of attack, of a vehicle that steers it."""
+    if not len(rows):
+        return []
+    return [("angle of attack", f"{_degrees(rows.min())} to {_degrees(rows.max())}")]
 
 
 def _end(state: NDArray[np.float64]) -> str:

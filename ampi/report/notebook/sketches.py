@@ -17,6 +17,7 @@ from ampi.missions.mission import Mission
 from ampi.onboard.reference import Reference
 from ampi.physics.angles import on_turn_of
 from ampi.physics.planet import bearing, destination, great_circle_distance
+from ampi.physics.state import ANGLE_OF_ATTACK, BANK
 from ampi.report.figures.flown import draw_end_points
 from ampi.report.figures.ground_track import TrackBundle, draw_ground_tracks
 from ampi.report.figures.misses import share_within
@@ -90,24 +91,28 @@ def _of_trajectory(optimum: Trajectory) -> Figure:
     figure, (left, right) = _two_panels(times, optimum.at(times)[0])
     nodes = optimum.states
     left.plot(SPEED.shown(nodes[3]), ALTITUDE.shown(nodes[0]), "o", color=COLOUR, markersize=2.5)
-    right.plot(optimum.times, BANK_ANGLE.shown(nodes[6]), "o", color=COLOUR, markersize=2.5)
+    for angle in nodes[BANK:]:
+        right.plot(optimum.times, BANK_ANGLE.shown(angle), "o", color=COLOUR, markersize=2.5)
     return figure
 
 
 @draw.register
 def _of_reference(reference: Reference) -> Figure:
-    return _two_panels(reference.times, reference.states)[0]
+    return _two_panels(reference.times, reference.layout.flight_states(reference.rows))[0]
 
 
 def _two_panels(times: Array, states: Array) -> tuple[Figure, tuple[Axes, Axes]]:
-    """Altitude over speed, and bank angle over time."""
+    """Altitude over speed, and bank angle over time; with it the angle of attack, if it is steered."""
     figure = new_figure(*SIZE)
     left, right = figure.subplots(1, 2)
     left.plot(SPEED.shown(states[3]), ALTITUDE.shown(states[0]), color=COLOUR)
     left.set(xlabel=SPEED.label, ylabel=ALTITUDE.label)
     left.invert_xaxis()  # as it is flown
-    right.plot(times, BANK_ANGLE.shown(states[6]), color=COLOUR)
+    right.plot(times, BANK_ANGLE.shown(states[BANK]), color=COLOUR)
     right.set(xlabel="Time (s)", ylabel=BANK_ANGLE.label)
+    for angle in states[ANGLE_OF_ATTACK:]:
+        right.plot(times, BANK_ANGLE.shown(angle), color=COLOUR, linestyle="--")
+        right.set_ylabel("Bank angle, – – α (deg)")
     return figure, (left, right)
 
 

@@ -11,7 +11,8 @@ With the rows A of R held at their bounds, H = L Lᵀ, K = (C; R_A) and z₀ = �
 
 The next A holds the rows of A whose multiplier keeps its sign and the rows that are violated; when A
 does not change, z is the exact solution. The iteration is a semi-smooth Newton method; it ends after a
-few steps or not at all, and whenever it does not, or a multiplier of the target exceeds its price, or
+few steps or not at all (along an arc on a limit it needs to begin with the rows that held the last
+step), and whenever it does not, or a multiplier of the target exceeds its price, or
 those of a limit exceed the penalty, `None` sends the subproblem to the interior-point solver.
 
 An interior-point solver needs a dozen factorisations of the whole matrix and knows no warm start;
@@ -77,6 +78,8 @@ def solve_active_set(problem: ConvexSubproblem) -> Step | None:
         give = np.where(exact, 0.0, 0.5 / target.weight)
     given = rows.lower == rows.upper
     side = given.astype(float)  # +1 at the upper bound, −1 at the lower
+    if problem.path_held is not None:
+        side[len(side) - len(problem.path_held) :] = problem.path_held
     for _ in range(MOST_CHANGES):
         active = np.flatnonzero(side)
         bound = np.where(side[active] > 0, rows.upper[active], rows.lower[active])

@@ -27,6 +27,7 @@ matrix product's own two. Arrays of states have their axis first, (s, c, n); res
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -102,22 +103,22 @@ class CondensedDynamics:
         """Length of z, Eq. (3)."""
         return int(self.moving.shape[3])
 
-    @property
+    @cached_property
     def n_states(self) -> int:
         """s: seven, or eight."""
         return len(self.derivatives.rates)
 
-    @property
+    @cached_property
     def n_controls(self) -> int:
         """m: one, or two."""
         return self.n_states - BANK
 
-    @property
+    @cached_property
     def states(self) -> tuple[int, ...]:
         """`moving_states`."""
         return moving_states(self.n_states)
 
-    @property
+    @cached_property
     def time_column(self) -> int:
         """The column of δt_f in z, from behind; those of δy₀ follow."""
         return -1 - self.n_controls
@@ -140,7 +141,9 @@ class CondensedDynamics:
         moving = self._of(cases, self.moving).reshape(len(cases), -1, n_z) @ z[:, :, None]
         rate = (self._of(cases, self.longitude_rate) @ z[:, :, None])[:, :, 0]
         found = np.zeros((self.n_states, len(cases), n))
-        found[list(self.states)] = moving.reshape(len(cases), n, -1).transpose(2, 0, 1)
+        found[list(self.states)] = moving.reshape(len(cases), n, len(self.states)).transpose(
+            2, 0, 1
+        )
         found[LONGITUDE, :, 1:] = _integrated(self.transcription.integration, rate)
         return found
 
@@ -230,7 +233,7 @@ class CondensedDynamics:
         return np.asarray(found[:, 0])
 
     def rows(self, case: int, node: NDArray[np.intp], gradient: Array) -> Array:
-        """Rows over z (r, n_z) of one case: each a `gradient` (r, s + 1) over (x, t) at a `node` (r,)."""
+        """Rows over z (r, n_z) of one case: a `gradient` (r, s + 1) over (x, t) at each `node` (r,)."""
         found = np.einsum("ri,riz->rz", gradient[:, self.states], self.moving[case, node])
         on_longitude = gradient[:, LONGITUDE]
         if on_longitude.any():

@@ -312,8 +312,7 @@ class ExactHessianIteration:
             cost, excess = np.nan, np.full(problem.n_limits, np.nan)
         else:
             states = point.iterate.states * np.array(problem.scaling.states)
-            rates = self.flight.rates(point.iterate.controls[None])[:, 0]
-            rates = np.stack([r * a.rate_limit for r, a in zip(rates, problem.angles, strict=True)])
+            rates = problem.in_si(self.flight.rates(point.iterate.controls[None])[:, 0])
             final_time, excess = point.iterate.final_time, point.excess
             cost = point.cost + problem.target.quadratic(point.target_error)
         known = None

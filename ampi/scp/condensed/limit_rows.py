@@ -3,8 +3,8 @@
     lower ≤ value + row·z ≤ upper                                                (1)
 
 in the order rates at the nodes (the controls of a node side by side), each steered angle at the nodes,
-each between them, each path limit at the nodes, target rows that are ranges. Rows of matrices are made of
-those alone that are held; where a step leads all others follows from the change of the states.
+each between them, each path limit at the nodes, target rows that are ranges. Rows of matrices are made
+of those alone that are held; where a step leads all others follows from the change of the states.
 """
 
 from __future__ import annotations

@@ -184,10 +184,8 @@ class NewtonIteration:
         system = system.with_curvature_of(multipliers)
         second = self.solution(system, shift, limited)
         first.z[limited], first.change[:, limited] = second.z[limited], second.change[:, limited]
-        first.target[limited], first.limits[limited] = (
-            second.target[limited],
-            second.limits[limited],
-        )
+        first.target[limited] = second.target[limited]
+        first.limits[limited] = second.limits[limited]
         return system, first
 
     def shift(self, system: NewtonSystem) -> Array:
@@ -261,10 +259,7 @@ class NewtonIteration:
     def node_gradient(
         self, rows: LimitRows, derivatives: NodeDerivatives, path: Array, cases: Cases
     ) -> tuple[Array, Array]:
-        """∂(λᵀe + νᵀg + J)/∂x at the nodes after the first (k, n − 1, s), and over scaled t_f (k,).
-
-        `path` is ∂g/∂(x, t) there, (limits, k, n, s + 1).
-        """
+        """∂(λᵀe + νᵀg + J)/∂(x after the first node, scaled t_f), with ∂g/∂(x, t) in `path`."""
         points, problem, t = self.points, self.points.problem, self.points.transcription
         on_states, at_times = rows.node_gradient(self.multipliers.limits[cases], path)
         held = problem.target.held
@@ -277,8 +272,7 @@ class NewtonIteration:
             on_time += (weight * jacobian[:, :, -1] * t.node_free[1:]).sum(axis=1)
             values = points.functions[problem.n_limits, cases, 1:]
             on_time += (t.half_free * t.weights * values).sum(axis=1)
-        terminal = points.terminal(cases)
-        if terminal is not None:
+        if (terminal := points.terminal(cases)) is not None:
             on_states[:, -1] += terminal.gradient
         return on_states, on_time * problem.scaling.final_time
 
@@ -287,15 +281,14 @@ class NewtonIteration:
         points, problem, t = self.points, self.points.problem.at(cases), self.points.transcription
         half, u, final_time = self.half(cases), points.u[cases], points.final_time[cases]
         gradient, m = smooth_gradient(problem, t, u, final_time), problem.n_controls
-        for k, angle in enumerate(problem.angles):
-            gradient[:, k : -1 - m : m] -= half * by_case(angle.rate_limit) * mu[BANK + k]
         _, by_time = with_final_time(t, derivatives, half)
         for of_state, rate in zip(mu, by_time, strict=True):
             gradient[:, -1 - m] -= problem.scaling.final_time * (of_state * rate).sum(axis=1)
-        start = t.mesh.segments[0]
         for k, angle in enumerate(problem.angles):
+            gradient[:, k : -1 - m : m] -= half * by_case(angle.rate_limit) * mu[BANK + k]
             if angle.entry is None:
-                on_start = mu[BANK + k][:, start.collocation] * start.rule.derivative[:, 0]
+                first = t.mesh.segments[0]  # its polynomial alone knows y₀
+                on_start = mu[BANK + k][:, first.collocation] * first.rule.derivative[:, 0]
                 gradient[:, k - m] += on_start.sum(axis=1)
         return gradient
 
@@ -358,6 +351,8 @@ class NewtonIteration:
 
     def solutions(self, cases: Cases, everyone: int) -> Iterator[tuple[int, Trajectory]]:
         """(place, solution) of those of the converged `cases` that meet the target."""
+        if not len(cases):
+            return
         seconds = (time.perf_counter() - self.began) / everyone
         rates, costs = self.points.rate(cases), self.points.cost(cases).tolist()
         for case, rate, cost in zip(cases.tolist(), rates, costs, strict=True):
@@ -377,8 +372,7 @@ class NewtonIteration:
         multipliers[target.held] = self.multipliers.target[case, : len(target.held)]
         if len(target.ranged):
             multipliers[target.ranged] = self.multipliers.limits[case, -len(target.ranged) :]
-        rates = by_control(rate[None], problem.n_controls)[:, 0]
-        rates = np.stack([r * a.rate_limit for r, a in zip(rates, problem.angles, strict=True)])
+        rates = problem.in_si(by_control(rate[None], problem.n_controls)[:, 0])
         return Trajectory(
             mesh=problem.mesh,
             states=points.x[:, case] * np.array(problem.scaling.states)[:, None],

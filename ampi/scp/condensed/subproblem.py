@@ -70,6 +70,7 @@ class ConvexSubproblem:
     path_node: NDArray[np.intp]  # (m,), at which node
     n_limits: int
     limit_penalty: float  # ρ
+    path_held: NDArray[np.bool_] | None = None  # (m,), whether the last step was held there
 
     @property
     def rate_bounds(self) -> tuple[Array, Array]:

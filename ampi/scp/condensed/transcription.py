@@ -62,14 +62,15 @@ class RadauTranscription:
 
         The first by the first segment's own polynomial.
         """
-        first = u[:, : controls * len(self.entry_rate)].reshape(len(u), -1, controls)
+        points = len(self.entry_rate)
+        first = u[:, : controls * points].reshape(len(u), points, controls)
         entry = first.transpose(0, 2, 1) @ self.entry_rate[:, None]
         return np.concatenate([entry[:, :, 0], u], axis=1)
 
 
 def by_control(rate: Array, controls: int) -> Array:
     """Rates (c, n m) with the axis of the controls first, (m, c, n)."""
-    return rate.reshape(len(rate), -1, controls).transpose(2, 0, 1)
+    return rate.reshape(len(rate), rate.shape[1] // controls, controls).transpose(2, 0, 1)
 
 
 @lru_cache(maxsize=16)

@@ -14,12 +14,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ampi.missions.angle_of_attack import AngleBounds
 from ampi.missions.mission import Mission
 from ampi.physics.equations_of_motion import equations_of_motion
 from ampi.physics.state import ALTITUDE, BANK, FLIGHT_PATH_ANGLE, SPEED
 from ampi.physics.vehicle import air_loads
 from ampi.propagation.adaptive_step import Accuracy, IntegrationError, Stop, integrate
+from ampi.scp.guess import held_angle
 from ampi.scp.literature.collocation import line_mesh
 from ampi.trajectory import Trajectory
 
@@ -59,13 +59,11 @@ class Coast:
         )
 
 
-def middle_angle(mission: Mission, state: Array) -> list[float]:
-    """Of the bounds of the angle of attack (rad) at a state; of a schedule there is none."""
-    bounds = AngleBounds.of(mission.angle_of_attack)
-    if bounds is None:
-        return []
-    low, high = bounds.at_state(mission.flight_model, state)
-    return [0.5 * float(low + high)]
+def guessed_angle(mission: Mission, state: Array) -> list[float]:
+    """Angle of attack (rad) of the guess at a state; of a schedule there is none."""
+    own = None if mission.guess is None else mission.guess.angle_of_attack
+    held = held_angle(mission, own)
+    return [] if held is None else [held(state)]
 
 
 def until_level(mission: Mission) -> Coast | None:
@@ -89,7 +87,7 @@ def _fly(mission: Mission, bank_angle: float, reached: Event) -> Coast | None:
     model = mission.flight_model
     start = np.append(mission.entry_state, bank_angle)
     given = mission.entry.angle_of_attack
-    start = np.append(start, middle_angle(mission, start) if given is None else given)
+    start = np.append(start, guessed_angle(mission, start) if given is None else given)
     if reached(0.0, start) >= 0.0:
         return Coast(np.zeros(1), start[:, None])
 

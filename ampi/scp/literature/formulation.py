@@ -171,7 +171,7 @@ class TracedFunctions:
         n_states: int,
         n_controls: int,
         build: Callable[[Any, Any, Any], Expressions],
-        final_cost: Callable[[Any], Any] = lambda x: ca.SX(0.0),
+        final_cost: Callable[[Any], Any] = lambda _: ca.SX(0.0),
     ) -> None:
         x, u, s = ca.SX.sym("x", n_states), ca.SX.sym("u", n_controls), ca.SX.sym("s")
         previous = ca.GlobalOptions.getNumpyMode()

@@ -140,6 +140,10 @@ def solve_by(
 def _assemble(
     mission: Mission, method: Method, formulation: Formulation, solver: SubproblemSolver
 ) -> Successive:
+    curved = method.curved_states
+    if mission.objective.has_terminal:
+        # ours: without the curvature, a cost of the final state goes up and down for ever
+        curved = tuple(range(formulation.n_states))
     builder = SubproblemBuilder(
         formulation=formulation,
         trust_region=method.trust_region,
@@ -148,7 +152,7 @@ def _assemble(
         frozen_time=method.own_cost_unit is not None,
         final_bounds=method.final_bounds,
         limit_margin=method.limit_margin,
-        curved_states=method.curved_states,
+        curved_states=curved,
     )
     return Successive(
         builder=builder,
@@ -245,7 +249,7 @@ ZHOU = Method(
     prices=Prices(
         # C₂ per R₀, C₁ per rad; the speed is an equality in the paper, here 10⁴ per √(g₀R₀) [X]:
         # as an equality the first subproblems have no solution
-        target=(1e4 / EARTH_RADIUS, 1e6, 1e6, 1e4 / CIRCULAR_SPEED, 1e4, 1e4, 1e4),
+        target=(1e4 / EARTH_RADIUS, 1e6, 1e6, 1e4 / CIRCULAR_SPEED, *(1e4,) * 4),
         limits=1e5,  # [X] equalities in the paper
     ),
     convergence=GlobalErrorChange(
@@ -292,7 +296,7 @@ WANG = Method(
             5 * DEGREE,
         )
     ),
-    prices=Prices(target=(0.1, 1e3, 1e3, 1.0, 1e3, 1e3, 1e3), limits=1e3),  # [X] hard in the paper
+    prices=Prices(target=(0.1, 1e3, 1e3, 1.0, *(1e3,) * 4), limits=1e3),  # [X] hard in the paper
     convergence=StateChange(
         (
             *(
@@ -326,7 +330,7 @@ LIU_2024 = Method(
             10 * DEGREE,
         )
     ),
-    prices=Prices(target=(0.1, 1e3, 1e3, 1.0, 1e3, 1e3, 1e3), limits=1e3),
+    prices=Prices(target=(0.1, 1e3, 1e3, 1.0, *(1e3,) * 4), limits=1e3),
     convergence=StateChange(
         (
             *(100.0, 0.05 * DEGREE, 0.05 * DEGREE, 5.0, 0.05 * DEGREE, 0.2 * DEGREE, DEGREE),

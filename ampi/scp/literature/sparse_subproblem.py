@@ -146,15 +146,20 @@ def solve_sparse_subproblem(problem: SparseSubproblem) -> SparseStep:
     diagonal = np.concatenate([p.curvature, np.zeros(len(linear) - p.width)])
     matrix = sparse.csc_array(sparse.vstack(left, format="csc"))
     matrix.eliminate_zeros()
-    solution = solve_cone_program(
-        sparse.csc_array(sparse.diags_array(diagonal)),
-        linear,
-        matrix,
-        np.concatenate(right),
-        equalities=len(equal_to),
-        inequalities=len(at_most),
-        second_order=(3,) * (p.n_nodes if p.control_cone else 0),
-    )
+    for equilibrated in (True, False):
+        solution = solve_cone_program(
+            sparse.csc_array(sparse.diags_array(diagonal)),
+            linear,
+            matrix,
+            np.concatenate(right),
+            equalities=len(equal_to),
+            inequalities=len(at_most),
+            second_order=(3,) * (p.n_nodes if p.control_cone else 0),
+            equilibrated=equilibrated,
+        )
+        # on some problems with two controls the arithmetic stops just before the tolerance, scaled
+        if solution.status is not ConeStatus.NUMERICAL_ERROR:
+            break
     price = solution.dual[: len(p.residual)].reshape(-1, p.n_states)
     return _step(p, solution.primal, price, solution.objective, solution.status)
 

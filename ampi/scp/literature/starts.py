@@ -17,10 +17,17 @@ import numpy as np
 from ampi.missions.final_states import final_states
 from ampi.missions.mission import Mission
 from ampi.physics.angles import on_turn_of
-from ampi.physics.state import ANGLE_OF_ATTACK, AZIMUTH, LATITUDE, LONGITUDE
+from ampi.physics.state import (
+    ALTITUDE,
+    ANGLE_OF_ATTACK,
+    AZIMUTH,
+    LATITUDE,
+    LONGITUDE,
+    SPEED,
+)
 from ampi.pseudospectral.mesh import Mesh, Phase
 from ampi.scp.guess import ConstantBank, constant_bank_guess, default_guess
-from ampi.scp.literature.coast import middle_angle, until_drag, until_level
+from ampi.scp.literature.coast import guessed_angle, until_drag, until_level
 from ampi.scp.literature.collocation import line_mesh, trapezoid
 from ampi.scp.literature.energy_domain import EnergyDomain
 from ampi.scp.literature.energy_guess import lifted_lines
@@ -56,12 +63,13 @@ def straight_line(points: int, flight_time: float) -> Callable[[Mission], Start 
         first = coast.states[:, -1]
         last = first.copy()
         last[[LONGITUDE, LATITUDE]] = target.longitude, target.latitude
+        last[[ALTITUDE, SPEED]] = target.altitude, target.speed
+        last[ANGLE_OF_ATTACK:] = guessed_angle(mission, last)
         for held in final_states(mission):
             last[held.state] = held.middle
         last[[LONGITUDE, AZIMUTH]] = on_turn_of(
             last[[LONGITUDE, AZIMUTH]], first[[LONGITUDE, AZIMUTH]]
         )
-        last[ANGLE_OF_ATTACK:] = middle_angle(mission, last)
         states = (first + (last - first) * tau[:, None]) / form.state_scale
         controls = np.zeros((points, form.n_controls))
         iterate = MeshIterate(line_mesh(tau), states, controls, flight_time)

@@ -12,23 +12,21 @@ from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from typing import Any
 
+import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
 from ampi.missions.final_states import FinalState, final_states
 from ampi.missions.mission import Mission
 from ampi.missions.path_limits import PathLimits
-from ampi.physics.angles import on_turn_of
 from ampi.physics.equations_of_motion import FlightModel, equations_of_motion
 from ampi.physics.path_constraints import path_constraints
-from ampi.physics.planet import cross_range_angle
 from ampi.physics.state import (
     ALTITUDE,
+    ANGLE_OF_ATTACK,
     BANK,
     FLIGHT_PATH_ANGLE,
-    LATITUDE,
     LOADS,
-    LONGITUDE,
     SPEED,
 )
 from ampi.pseudospectral.mesh import Mesh
@@ -39,12 +37,14 @@ from ampi.scp.literature.formulation import (
     TermKind,
     TracedFunctions,
 )
+from ampi.scp.problem.problem_numbers import ProblemNumbers
 from ampi.scp.problem.scaled_problem import Scaling
+from ampi.scp.problem.steered_angles import SteeredAngle, steered_angles
+from ampi.tracing.node_functions import TerminalCost
 from ampi.trajectory import Status, Trajectory
 
 Array = NDArray[np.float64]
 
-SCALE = (*Scaling().states, 1.0)  # m, rad, m/s; of as many states as there are
 SECONDS = 100.0  # per unit of δt_f
 FLOOR_BEGINS = 20.0  # m/s, over which the drag floor begins
 DEGREE = float(np.pi / 180.0)
@@ -82,34 +82,25 @@ class TimeDomain:
     @cached_property
     def state_scale(self) -> Array:
         """Of the states that there are."""
-        return np.array(SCALE[: self.n_states])
+        return np.array(_scale(self.n_states))
 
     @cached_property
-    def control_scale(self) -> Array:
-        """Greatest rates, rad/s."""
-        limits = PathLimits.of(self.mission)
-        angle = limits.angle_of_attack
-        return np.array([limits.bank_rate] if angle is None else [limits.bank_rate, angle.rate])
+    def angles(self) -> tuple[SteeredAngle, ...]:
+        """What is steered: bounds, greatest rates and what is given at the entry."""
+        return steered_angles(ProblemNumbers.of(self.mission))
 
     @property
     def entry(self) -> Array:
         """Entry state with the angles given there, or handover; there the bank angle alone is free."""
-        given = self.mission.entry
-        start, bank, attack = self.mission.entry_state, given.bank_angle, given.angle_of_attack
+        start, angles = self.mission.entry_state, [angle.entry for angle in self.angles]
         if self.coast is not None:
-            start, bank = self.coast.handover, None
-            attack = float(self.coast.states[-1, -1])
-        angles = [np.nan if bank is None else on_turn_of(bank, 0.0)]
-        angles.append(np.nan if attack is None else attack)
-        return np.append(start, angles[: self.n_controls]) / self.state_scale
+            start, angles = self.coast.handover, [None, *self.coast.states[ANGLE_OF_ATTACK:, -1]]
+        return np.append(start, _nan_where_free(angles)) / self.state_scale
 
     @property
     def entry_controls(self) -> Array:
         """The rates given at the entry."""
-        given = self.mission.entry
-        rates = [given.bank_rate, given.angle_of_attack_rate][: self.n_controls]
-        known = [np.nan if rate is None else rate for rate in rates]
-        return np.array(known) / self.control_scale
+        return _nan_where_free([angle.scaled_entry_rate for angle in self.angles])
 
     @property
     def target(self) -> tuple[FinalState, ...]:
@@ -124,14 +115,10 @@ class TimeDomain:
 
     @property
     def state_bounds(self) -> tuple[Array, Array]:
-        """The bank limit, and fixed bounds of the angle of attack."""
-        upper = np.append(np.full(BANK, np.inf), self.mission.limits.bank_angle)
-        lower, bounds = -upper, PathLimits.of(self.mission).angle_of_attack
-        if bounds is None:
-            return lower, upper
-        if not bounds.are_fixed:  # they are limits on the path
-            return np.append(lower, -np.inf), np.append(upper, np.inf)
-        return np.append(lower, bounds.lower[0]), np.append(upper, bounds.upper[0])
+        """Those of the angles; that go by speed or Mach number are limits on the path."""
+        free = np.full(BANK, np.inf)
+        lower = np.append(-free, [angle.lower for angle in self.angles])
+        return lower, np.append(free, [angle.upper for angle in self.angles])
 
     @property
     def control_bounds(self) -> tuple[Array, Array]:
@@ -160,7 +147,7 @@ class TimeDomain:
 
     def trajectory(self, mesh: Mesh, x: Array, u: Array, final: float) -> Trajectory:
         """See `Formulation`."""
-        bank_rate, *others = (u * self.control_scale).T
+        bank_rate, *others = (u * np.array([angle.rate_limit for angle in self.angles])).T
         flight = Trajectory(
             mesh=mesh,
             states=(x * self.state_scale).T.copy(),
@@ -171,6 +158,15 @@ class TimeDomain:
             angle_of_attack_rate=others[0] if others else None,
         )
         return flight if self.coast is None else self.coast.before(flight)
+
+
+def _scale(states: int) -> tuple[float, ...]:
+    """Units of so many states: m, rad, m/s."""
+    return Scaling().of_states(states).states
+
+
+def _nan_where_free(given: list[Any]) -> Array:
+    return np.array([np.nan if one is None else one for one in given])
 
 
 def _terms(mission: Mission) -> tuple[Term, ...]:
@@ -190,28 +186,10 @@ def _traced(mission: Mission) -> TracedFunctions:
     terms = tuple(term.name for term in _terms(mission))
     wanted = mission.objective.desired_altitude_rate or 0.0
     limits, o, entry = PathLimits.of(mission), mission.objective, mission.entry
-    final = FinalCost(o.final_speed, o.cross_range, entry.longitude, entry.latitude, entry.azimuth)
+    start, final = (entry.longitude, entry.latitude, entry.azimuth), None
+    if o.has_terminal:
+        final = TerminalCost(o.final_speed, o.cross_range * 1e-3, *start)
     return _trace(mission.flight_model, limits, terms, altitude_rate=wanted, final=final)
-
-
-@dataclass(frozen=True)
-class FinalCost:
-    """M(x_f): weights of the final speed (per m/s) and cross-range (per km) from an entry (rad)."""
-
-    final_speed: float
-    cross_range: float
-    longitude: float
-    latitude: float
-    azimuth: float
-
-    def value(self, model: FlightModel, state: Any) -> Any:
-        """At a state (SI, rad; symbols)."""
-        cost = self.final_speed * state[SPEED]
-        if not self.cross_range:
-            return cost
-        start = self.longitude, self.latitude, self.azimuth
-        angle = cross_range_angle(*start, state[LONGITUDE], state[LATITUDE])
-        return cost + self.cross_range * 1e-3 * model.planet.equatorial_radius * angle
 
 
 @lru_cache(maxsize=8)
@@ -221,12 +199,12 @@ def _trace(
     terms: tuple[str, ...],
     *,
     altitude_rate: float,
-    final: FinalCost,
+    final: TerminalCost | None,
 ) -> TracedFunctions:
-    states, angle = model.n_states, limits.angle_of_attack
+    scale, angle = _scale(model.n_states), limits.angle_of_attack
 
     def build(x: Any, u: Any, t: Any) -> tuple[list[Any], list[Any], list[Any]]:
-        physical = [x[k] * SCALE[k] for k in range(states)]
+        physical = [x[k] * one for k, one in enumerate(scale)]
         speed, radius = physical[SPEED], model.planet.equatorial_radius
         rate = u[0] * limits.bank_rate
         angle_rate = 0.0 if angle is None else u[1] * angle.rate
@@ -246,14 +224,13 @@ def _trace(
             below = 0.5 * (1.0 - np.tanh((speed - limits.drag_floor[1]) / FLOOR_BEGINS))
             use["drag_floor"] = 1.0 + below * (limits.floor_use(model, physical, t) - 1.0)
         return (
-            [r / SCALE[k] for k, r in enumerate(rates)],
+            [r / scale[k] for k, r in enumerate(rates)],
             [*use.values()],
             [integrand[name] for name in terms],
         )
 
-    return TracedFunctions(
-        states,
-        states - BANK,
-        build,
-        lambda x: final.value(model, [x[k] * SCALE[k] for k in range(states)]),
-    )
+    def final_cost(x: Any) -> Any:
+        physical = [x[k] * one for k, one in enumerate(scale)]
+        return ca.SX(0.0) if final is None else final.value(model, physical)
+
+    return TracedFunctions(model.n_states, model.n_states - BANK, build, final_cost)

@@ -87,11 +87,11 @@ CONDENSED = Capabilities(
 )
 
 OVER_TIME = Capabilities(  # the literature's methods over time
-    constraints=CONDENSED.constraints - FINAL - {"fixed phases", "design margins", "entry.time"},
+    constraints=CONDENSED.constraints - {"fixed phases", "design margins", "entry.time"},
     terms=frozenset(TERMS),
 )
 OVER_ENERGY = Capabilities(
-    constraints=OVER_TIME.constraints - {"angle_of_attack", *GIVEN_AT_ENTRY}
+    constraints=OVER_TIME.constraints - {"angle_of_attack", *GIVEN_AT_ENTRY, *FINAL}
     | {"bank_angle_minimum"},
     # the bank-rate effort makes an optimum over time unique; over energy there is no bank rate, and
     # Liu 2015, Eq. (38) regularises by the heading instead
@@ -101,6 +101,7 @@ OVER_ENERGY = Capabilities(
 STRAIGHT_LINES = replace(  # until they begin, no bank angle is flown, and one angle of attack
     OVER_TIME,
     constraints=OVER_TIME.constraints - GIVEN_AT_ENTRY | {"entry.angle_of_attack"},
+    terms=OVER_TIME.terms - {"cross_range", "final_speed"},  # far from them their price stops them
     constant_bank=False,
 )
 

@@ -254,12 +254,12 @@ class OptimalControlProblem:
         arrays = any(isinstance(number, np.ndarray) for number in numbers)
         return not (arrays or any(p.ndim > 1 for p in (*parts, self.target_tolerance)))
 
-    @property
+    @cached_property
     def n_states(self) -> int:
         """Seven, or eight."""
         return len(self.scaling.states)
 
-    @property
+    @cached_property
     def n_controls(self) -> int:
         """One, or two."""
         return len(self.angles)
@@ -269,6 +269,10 @@ class OptimalControlProblem:
         """(control, û at the first node) of those that are given."""
         rates = ((k, angle.scaled_entry_rate) for k, angle in enumerate(self.angles))
         return tuple((k, rate) for k, rate in rates if rate is not None)
+
+    def in_si(self, rates: Array) -> Array:
+        """Rates û of the controls (m, n) in rad/s."""
+        return np.stack([r * a.rate_limit for r, a in zip(rates, self.angles, strict=True)])
 
     @cached_property
     def n_limits(self) -> int:

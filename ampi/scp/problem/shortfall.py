@@ -35,7 +35,8 @@ def _flown(flight: FlightCheck, *, doubted: bool) -> str:
     ways = ["ampi solve --refine"]
     if list(flight.exceeded) == ["bank_rate"] and flight.position_error <= POSITION_TOLERANCE:
         ways = []  # beside a switch a polynomial overshoots on any mesh
-    ways += [f"[limits] {limit.partition(' ')[0]}_margin" for limit in flight.exceeded]
+    own = (limit for limit in flight.exceeded if not limit.startswith("angle_of_attack"))
+    ways += [f"[limits] {limit.partition(' ')[0]}_margin" for limit in own]
     tolerances = f"{POSITION_TOLERANCE:g} m and {100.0 * (1.0 + KEPT):g} % are tolerated"
     return f"{found}, where {tolerances}; try: {', '.join(ways)}."
 
