@@ -104,8 +104,7 @@ def fly(
         _check(path, output, table, force=force)
         _check_of_case(plot, corrections)
         with cluster(scheduler) as client:
-            options |= {"output": output, "resume": not force}
-            options |= {"n_jobs": jobs, "client": client}
+            options |= {"output": output, "resume": not force, "n_jobs": jobs, "client": client}
             campaigns = _flown(dataset.mission, schemes, n, stop, options)
         _write(table, dataset.mission, campaigns)
     _tell(dataset.mission, campaigns, as_json=as_json)

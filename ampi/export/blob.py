@@ -92,14 +92,10 @@ def table_blob(
 
     Parameters
     ----------
-    table, law, limits
+    table, law, limits, angles, mode, orders, limit_axes, cycle
         As `Guidance` takes them.
     modulation
         Limits of the change of the angle of attack; None: it is never changed.
-    angles
-        Where the angle of attack of a vehicle without a schedule may be.
-    mode, orders, limit_axes, cycle
-        As `Guidance` takes them.
     kind
         Type of the stored values: "float64", to the bit; "float32"; or "int16" with an affine map a
         column.
@@ -124,13 +120,7 @@ def table_blob(
         limit_axes=limit_axes or {},
         cycle=cycle,
     )
-    own = tuple(orders or (_ORDER_OF.get(mode) or Order(mode.value),) * len(table.axes))
-    if len(own) != len(table.axes) or not set(own) <= set(ORDERS):
-        raise ValueError(
-            f"orders: expected {len(table.axes)} of those that flight code has "
-            f"({', '.join(order.value for order in ORDERS)}), one an axis, got "
-            f"{', '.join(order.value for order in own)}"
-        )
+    own = _orders(orders, mode, len(table.axes))
     text = _text(flown, own, kind, about).encode()
     parts = [
         np.array(flown.sizes(KINDS.index(kind), len(text)), "<u4").tobytes(),
@@ -142,6 +132,18 @@ def table_blob(
     ]
     body = b"".join(part + bytes(-len(part) % 8) for part in parts)
     return MAGIC + struct.pack("<4I8x", BYTE_ORDER_MARK, FORMAT, len(body), zlib.crc32(body)) + body
+
+
+def _orders(orders: Sequence[Order] | None, mode: Mode, axes: int) -> tuple[Order, ...]:
+    """Those of the axes, which the C knows."""
+    own = tuple(orders or (_ORDER_OF.get(mode) or Order(mode.value),) * axes)
+    if len(own) != axes or not set(own) <= set(ORDERS):
+        raise ValueError(
+            f"orders: expected {axes} of those that flight code has "
+            f"({', '.join(order.value for order in ORDERS)}), one an axis, got "
+            f"{', '.join(order.value for order in own)}"
+        )
+    return own
 
 
 def blob_text(blob: bytes) -> str:

@@ -162,7 +162,8 @@ static void begin(fmu *unit)
         ampi_guidance_begin(&flight->guidance, &unit->table, &flight->value[FMU_PARAMETERS]);
         flight->value[FMU_BANK_RATE] = (double)reference->rows[BANK_RATE];
         flight->value[FMU_BANK_ANGLE] = (double)reference->rows[BANK_ANGLE];
-        flight->value[FMU_ANGLE_OF_ATTACK] = 0.0;
+        flight->value[FMU_ANGLE_OF_ATTACK] =
+            (unit->table.angle_row != 0u) ? (double)reference->rows[unit->table.angle_row] : 0.0;
         flight->value[FMU_STEERING] = (double)AMPI_REFERENCE;
         flight->value[FMU_HEALTH] = (double)reference->health;
         flight->is_begun = 1u;
