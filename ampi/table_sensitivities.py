@@ -26,9 +26,7 @@ from ampi.tracker_design.row_sensitivities import Rows, Tangent
 
 Array = NDArray[np.float64]
 AT_ONCE = 4096  # cases whose rows are made together: of a large database all would not fit
-# Of what the angle of attack may change: its acceptable size over the whole flight, found on tuning draws
-# of SHEFEX-3.
-SHARE = 0.6
+SHARE = 0.6  # of what the angle of attack may change: its acceptable size over the whole flight
 
 
 def loads(dataset: TrajectoryDataset) -> Array:
