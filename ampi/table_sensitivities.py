@@ -21,7 +21,6 @@ from ampi.missions.mission import Mission
 from ampi.onboard.row_layout import RowKind, RowLayout
 from ampi.physics.state import N_STATES
 from ampi.tracker_design.drag_rows import drag_rows
-from ampi.tracker_design.riccati_gains import SteeringSettings, steering_gains
 from ampi.tracker_design.row_sensitivities import Rows, Tangent
 
 Array = NDArray[np.float64]
@@ -124,6 +123,9 @@ def _load_rows(family: MissionFamily[Mission], states: Array, final_time: Array)
 
 def _gain_rows(dataset: TrajectoryDataset, swept_as: Array) -> Rows:
     """Gains of both controls, swept on the grids of flights of these final times."""
+    # imported when asked for: it brings CasADi, and who flies by bank alone never asks
+    from ampi.tracker_design.riccati_gains import SteeringSettings, steering_gains
+
     mesh, most = dataset.mission.pseudospectral_mesh, dataset.mission.limits.angle_of_attack_change
     given = json.loads(str(dataset.attributes["gain_settings"]))
     if most is not None:

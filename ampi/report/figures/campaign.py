@@ -143,7 +143,8 @@ def campaign_controls(mission: Mission, campaigns: Mapping[str, Flights]) -> Fig
         alive = np.where(np.isfinite(flights.states[:, SPEED]), 1.0, np.nan)
         planned = 0.0  # of a vehicle that steers it, the command is the angle itself
         if mission.angle_of_attack is None:
-            planned = model.angle_of_attack(flights.states.transpose(1, 0, 2), flights.times)
+            states = np.moveaxis(flights.states[()], 1, 0)
+            planned = model.angle_of_attack(states, flights.times)
         values = (
             planned * alive + flights.angle_of_attack[()],
             flights.states[:, BANK],
