@@ -115,7 +115,7 @@ def step_in_python(guidance: Guidance) -> float:
 def opened_references(blob: bytes, guidance: Guidance, entries: Array) -> list[Array]:
     """High-density rows (r, m) by the compiled flight code."""
     (nodes, points), rows = guidance.table.conversion.shape, len(guidance.table.layout)
-    code, found = core().Guidance(core().Table(blob), 1), []
+    code, found = core().Guidance(core().Table(blob), 1, None), []
     for p in entries:
         low, times, high = np.empty(rows * nodes + 1), np.empty(points), np.empty((rows, points))
         code.reference(np.ascontiguousarray(p), low, times, high)
