@@ -1,6 +1,6 @@
 """The cost of a flight, its gradient and its curvature (objective, Eq. (1)), for c cases at once.
 
-By the quadrature of the transcription, q_i = w_i h_i(t_f), the cost is smooth in z = (δu, δt_f, δσ₀) but
+By the quadrature of the transcription, q_i = w_i h_i(t_f), the cost is smooth in z = (δu, δt_f, δy₀) but
 for two sums of absolute values of smooth functions,
 
     J = Σ q_i (Σ_k w_k û_ik² + L_i) + w_t t_f + w_a Σ |q_i û_i| + w_D Σ |q_i D_i| + m(x_f),     (1)

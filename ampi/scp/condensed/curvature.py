@@ -31,7 +31,7 @@ class CurvatureSettings:
     """Relative to the mean curvature of the reference effort over δu."""
 
     floor: float = 1e-3  # least eigenvalue kept by the convexification
-    free_variables: float = 10.0  # Gauss–Newton curvature given to δt_f and δσ₀
+    free_variables: float = 10.0  # Gauss–Newton curvature given to δt_f and δy₀
     no_effort: float = 1e-2  # Gauss–Newton curvature given to δu, at least
     screening: float = 0.6  # path rows enter the subproblem where g exceeds this
     bank_screening: float = 0.85  # rows between the nodes where the bank angle exceeds this share

@@ -1,7 +1,7 @@
-"""Trust region on the change of the bank angle.
+"""Trust region on the change of the steered angles.
 
-All nonlinearity of the problem enters through the bank angle and the final time, so the box
-|δσ| ≤ Δ, |δt_f| ≤ Δ · (final-time scale) bounds what linearisation and curvature may neglect. The
+All nonlinearity of the problem enters through the steered angles y and the final time, so the box
+|δy| ≤ Δ, |δt_f| ≤ Δ · (final-time scale) bounds what linearisation and curvature may neglect. The
 radius follows Conn, Gould & Toint (2000), Algorithm 6.1.1, with one addition: right after a rejected
 step it grows more slowly, or every other step would be rejected again. Near a solution the region is
 never active.
