@@ -175,13 +175,14 @@ def mission_statement(mission: Mission, table: GuidanceTable) -> str:
     """The mission in two sentences, from its own numbers."""
     entry, target = mission.entry, mission.target
     optima = int(np.count_nonzero(with_optimum(table)))
+    steered = "by bank angle alone" if mission.angle_of_attack is None else "by both angles"
     return (
         f"A vehicle of {mission.vehicle.mass:g} kg enters at {entry.altitude * KILO:.1f} km and "
         f"{entry.speed:.0f} m/s with a flight-path angle of "
         f"{entry.flight_path_angle * DEGREES:.2f}° and shall arrive at "
         f"{target.latitude * DEGREES:.2f}° latitude, {target.longitude * DEGREES:.2f}° longitude, "
         f"{target.altitude * KILO:.1f} km altitude with {target.speed:.0f} m/s. Guidance "
-        f"interpolates {optima} optimal trajectories, steered by bank angle alone and stored at "
+        f"interpolates {optima} optimal trajectories, steered {steered} and stored at "
         f"{table.conversion.shape[0]} nodes each, over {len(table.axes)} parameters."
     )
 

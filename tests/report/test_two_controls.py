@@ -7,12 +7,14 @@ import pytest
 from matplotlib.figure import Figure
 
 from ampi.loading import segments_of
+from ampi.missions.loading import load_mission
 from ampi.missions.mission import Mission
 from ampi.onboard.reference import Mode, ReferenceGenerator
 from ampi.onboard.row_layout import LINEAR_TRACKING
 from ampi.onboard.table import GuidanceTable
 from ampi.report.figures.database import database_constraints, database_controls
 from ampi.report.figures.single import reference_figure, trajectory_figure
+from ampi.report.html import mission_statement
 from ampi.report.notebook.sheets import sheet_of
 from ampi.report.quantities import ANGLE_OF_ATTACK, ANGLE_OF_ATTACK_RATE, BANK_RATE
 from ampi.trajectory import Trajectory
@@ -105,6 +107,12 @@ def test_a_database_is_drawn_with_its_own_angles_and_their_bounds(
     assert [y[0] for _, y in lines[1:]] == pytest.approx([10.0, 42.0])
     assert len(drawn(database_controls(steered_mission(OVER_SPEED), table), "Bank angle (deg)")) > 1
     assert database_constraints(mission, table).axes
+
+
+def test_the_report_says_by_what_it_is_steered(mission: Mission, table: GuidanceTable) -> None:
+    assert "steered by both angles" in mission_statement(mission, table)
+    scheduled = load_mission("shefex3")
+    assert "steered by bank angle alone" in mission_statement(scheduled, table)
 
 
 def test_sheets_and_datasets_tell_of_it(mission: Mission, flight: Trajectory) -> None:
